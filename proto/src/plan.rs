@@ -1,0 +1,49 @@
+//! What a frame did and did not do, for `--explain`, `--stats` and the statistics panel.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use ts_rs::TS;
+use utoipa::ToSchema;
+
+/// One pass of a plan.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, TS, ToSchema)]
+pub struct PassReport {
+    /// Name of the pass, equal to the shader file where there is one.
+    pub pass: String,
+    /// Whether it runs.
+    pub runs: bool,
+    /// Why it runs, or why it does not.
+    pub reason: String,
+    /// Amount of work, in `unit`.
+    #[ts(type = "number")]
+    pub work: u64,
+    /// Unit of `work`: `voxels`, `cells`, `pixels`, `points`, `lights`.
+    pub unit: String,
+}
+
+/// Time of one stage of a frame.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, TS, ToSchema)]
+pub struct StageTime {
+    /// Name of the stage.
+    pub stage: String,
+    /// Wall time, milliseconds.
+    pub millis: f64,
+}
+
+/// The plan of a frame and what it cost.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, TS, ToSchema)]
+pub struct FrameReport {
+    /// What changed since the picture before, in words; empty if nothing.
+    pub changes: Vec<String>,
+    /// Every pass, run or skipped.
+    pub plan: Vec<PassReport>,
+    /// Stage times in order.
+    pub stages: Vec<StageTime>,
+    /// Exact work counters, for example `samples_taken`, `samples_skipped`.
+    #[ts(type = "Record<string, number>")]
+    pub counters: BTreeMap<String, u64>,
+    /// GPU memory in use, bytes, by owner.
+    #[ts(type = "Record<string, number>")]
+    pub gpu_bytes: BTreeMap<String, u64>,
+}

@@ -1,0 +1,133 @@
+//! REST types of `/api/v1`.
+
+use serde::{Deserialize, Serialize};
+use ts_rs::TS;
+use utoipa::ToSchema;
+
+use crate::scene_file::{SceneFile, VoxelType};
+
+/// Problem document, RFC 9457 (`application/problem+json`).
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, TS, ToSchema)]
+#[ts(optional_fields)]
+pub struct Problem {
+    /// Kind of problem: `about:blank` or a path under `/problems/`.
+    #[serde(rename = "type")]
+    pub kind: String,
+    /// Short summary of the kind.
+    pub title: String,
+    /// HTTP status.
+    pub status: u16,
+    /// What happened here, in words, with what to do.
+    pub detail: String,
+    /// The field at fault, where there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub field: Option<String>,
+}
+
+/// What renders.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, TS, ToSchema)]
+pub struct DeviceInfo {
+    /// Adapter name as the driver gives it.
+    pub name: String,
+    /// Driver and version.
+    pub driver: String,
+    /// A software device renders at reduced resolution.
+    pub software: bool,
+}
+
+/// `GET /api/v1/status`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, TS, ToSchema)]
+pub struct Status {
+    /// Version of the service.
+    pub version: String,
+    /// What renders.
+    pub device: DeviceInfo,
+    /// Open sessions.
+    pub sessions: u32,
+    /// Connected viewers.
+    pub viewers: u32,
+    /// Largest upload, bytes.
+    #[ts(type = "number")]
+    pub max_upload_bytes: u64,
+    /// Methods that can be chosen; names as in scene files.
+    pub methods: Vec<String>,
+}
+
+/// A volume one can explore.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, TS, ToSchema)]
+#[ts(optional_fields)]
+pub struct Dataset {
+    /// Identifier: content hash of an upload, or the sample's name.
+    pub id: String,
+    /// For people.
+    pub name: String,
+    /// Samples come with the service and cannot be deleted.
+    pub sample: bool,
+    /// `builtin`, `nrrd`, `nifti`, `raw`.
+    pub format: String,
+    /// Voxels along x, y, z (after reordering to world axes).
+    pub dims: [u32; 3],
+    /// Edge lengths of a voxel along x, y, z.
+    pub spacing: [f64; 3],
+    /// Unit of `spacing`, for example `mm`, where the file says so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spacing_unit: Option<String>,
+    /// Type of a stored voxel.
+    pub voxel_type: VoxelType,
+    /// Smallest and largest data value.
+    pub value_range: [f64; 2],
+    /// Whether the axes are anatomical (x left, y posterior, z superior).
+    pub anatomical: bool,
+    /// Size of the upload, or of the computed voxels, bytes.
+    #[ts(type = "number")]
+    pub bytes: u64,
+    /// Milliseconds since 1970; 0 for samples.
+    #[ts(type = "number")]
+    pub created_unix_millis: u64,
+    /// What the reader wants to be known, for example that only the first volume was taken.
+    pub notices: Vec<String>,
+    /// Where the data comes from and under which licence, where that is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub attribution: Option<String>,
+}
+
+/// `GET /api/v1/datasets/{id}/histogram`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, TS, ToSchema)]
+pub struct Histogram {
+    /// Data value at the lower edge of the first and the upper edge of the last bucket.
+    pub value_range: [f64; 2],
+    /// Voxels per bucket; buckets have equal width.
+    #[ts(type = "number[]")]
+    pub counts: Vec<u64>,
+    /// The 65 edges of the scalar bins that caches are keyed by, data values.
+    pub bin_edges: Vec<f64>,
+}
+
+/// `POST /api/v1/sessions`: from a scene, or from a dataset with its default scene.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, TS, ToSchema)]
+#[serde(deny_unknown_fields)]
+#[ts(optional_fields)]
+pub struct CreateSession {
+    /// The scene to open.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scene: Option<SceneFile>,
+    /// The dataset to open with a scene that suits it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dataset: Option<String>,
+}
+
+/// A session: a scene with its caches.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, TS, ToSchema)]
+pub struct Session {
+    /// Identifier.
+    pub id: String,
+    /// Epoch of the newest scene.
+    pub epoch: u32,
+    /// Connected viewers.
+    pub viewers: u32,
+    /// Milliseconds since 1970.
+    #[ts(type = "number")]
+    pub created_unix_millis: u64,
+    /// The newest scene, camera filled in.
+    pub scene: SceneFile,
+}

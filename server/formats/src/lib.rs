@@ -1,0 +1,1 @@
+//! Readers for volume files; hostile input dies here.

@@ -1,0 +1,1 @@
+//! The judge: closed forms and a CPU path tracer in f64.

@@ -1,0 +1,1 @@
+//! The GPU: ray caster, film, illumination methods.

@@ -1,0 +1,1 @@
+//! REST, WebSocket, sessions, storage, encoding.
