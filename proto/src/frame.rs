@@ -23,10 +23,18 @@ pub const FLAG_FINAL: u8 = 2;
 
 /// Size of a header field type in bytes.
 macro_rules! field_bytes {
-    (u8) => { 1 };
-    (u16) => { 2 };
-    (u32) => { 4 };
-    (f32) => { 4 };
+    (u8) => {
+        1
+    };
+    (u16) => {
+        2
+    };
+    (u32) => {
+        4
+    };
+    (f32) => {
+        4
+    };
 }
 
 macro_rules! header {

@@ -15,7 +15,9 @@ pub const GENERATED_FILE: &str = "web/src/generated/proto.ts";
 /// The whole generated file.
 pub fn typescript() -> String {
     let config = Config::default();
-    let mut text = String::from("// Generated from the Rust crate `proto`; do not edit. `make web-types` rewrites it.\n\n");
+    let mut text = String::from(
+        "// Generated from the Rust crate `proto`; do not edit. `make web-types` rewrites it.\n\n",
+    );
     macro_rules! declare {
         ($($kind:ty),+ $(,)?) => {
             $(let _ = writeln!(text, "export {}\n", <$kind as TS>::decl(&config));)+

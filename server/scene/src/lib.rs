@@ -1,5 +1,29 @@
 //! Checked scenes, volumes, snapshots, comparison and plan. No GPU, no async, no files.
+//!
+//! A [`Scene`] is immutable and complete; a [`Snapshot`] is a scene with an epoch. What changed
+//! between two snapshots is derived ([`Changes::between`]), never announced; from it and from
+//! what each cache was computed from follows the [`plan::Plan`].
 
+pub mod bins;
+pub mod camera;
+pub mod changes;
+pub mod clip;
+pub mod distance;
+pub mod grid;
+pub mod light;
+pub mod macrocells;
+pub mod material;
+pub mod plan;
+pub mod prepared;
+pub mod scene;
+pub mod transfer_function;
 pub mod volume;
 
+pub use camera::Camera;
+pub use changes::Changes;
+pub use grid::Grid;
+pub use light::Light;
+pub use prepared::PreparedVolume;
+pub use scene::{Scene, Snapshot};
+pub use transfer_function::TransferFunction;
 pub use volume::{Orientation, Volume, Voxels};

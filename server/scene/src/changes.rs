@@ -1,0 +1,136 @@
+//! What changed between two scenes, derived by comparing them.
+
+use std::sync::Arc;
+
+use crate::light::Light;
+use crate::scene::Scene;
+
+/// What happened to one light.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[allow(missing_docs)]
+pub enum LightChange {
+    Added,
+    Removed,
+    /// Geometry changed (power may have, too).
+    Moved,
+    /// Only colour or strength changed.
+    Recolored,
+}
+
+/// The difference of two scenes, by what caches depend on.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Changes {
+    /// Other voxels, other spacing or another filter.
+    pub volume: bool,
+    /// Query set: bins in which a property of matter changed. All bins if the volume did.
+    pub bins: u64,
+    /// Lights by id.
+    pub lights: Vec<(String, LightChange)>,
+    /// The view.
+    pub camera: bool,
+    /// What is clipped.
+    pub clip: bool,
+    /// Whether clipped matter still blocks light.
+    pub clip_shadows: bool,
+    /// What lies behind the volume.
+    pub background: bool,
+    /// Scattering orders.
+    pub orders: bool,
+    /// Illumination method.
+    pub method: bool,
+    /// Step length or termination of view rays.
+    pub ray_sampling: bool,
+    /// Exposure or tone mapping.
+    pub film: bool,
+}
+
+impl Changes {
+    /// What turns `old` into `new`.
+    pub fn between(old: &Scene, new: &Scene) -> Self {
+        let same_voxels =
+            Arc::ptr_eq(&old.volume, &new.volume) || old.volume.content == new.volume.content;
+        let volume = !same_voxels || old.grid != new.grid || old.filter != new.filter;
+        let bins = if volume {
+            u64::MAX
+        } else {
+            old.classification()
+                .changed_bins(&new.classification(), &new.volume.bins)
+        };
+        let (a, b) = (&old.sampling, &new.sampling);
+        Self {
+            volume,
+            bins,
+            lights: light_changes(&old.lights, &new.lights),
+            camera: old.camera != new.camera,
+            clip: old.clip.bounds != new.clip.bounds || old.clip.planes != new.clip.planes,
+            clip_shadows: old.clip.shadows != new.clip.shadows,
+            background: old.background != new.background,
+            orders: old.orders != new.orders,
+            method: old.method != new.method,
+            ray_sampling: a.step_voxels != b.step_voxels
+                || a.termination_transmittance != b.termination_transmittance,
+            film: old.film != new.film,
+        }
+    }
+
+    /// Whether nothing changed.
+    pub fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// The changes as phrases, for people.
+    pub fn in_words(&self) -> Vec<String> {
+        let mut words = Vec::new();
+        let mut say = |holds: bool, what: &str| {
+            if holds {
+                words.push(what.to_owned());
+            }
+        };
+        say(self.volume, "volume");
+        say(self.camera, "camera");
+        say(self.clip, "clip region");
+        say(self.clip_shadows, "shadows of clipped matter");
+        say(self.background, "background");
+        say(self.orders, "scattering orders");
+        say(self.method, "illumination method");
+        say(self.ray_sampling, "ray sampling");
+        say(self.film, "exposure or tone mapping");
+        if self.bins != 0 && !self.volume {
+            words.push(format!(
+                "transfer function in {} of 64 bins",
+                self.bins.count_ones()
+            ));
+        }
+        for (id, change) in &self.lights {
+            let verb = match change {
+                LightChange::Added => "added",
+                LightChange::Removed => "removed",
+                LightChange::Moved => "moved",
+                LightChange::Recolored => "recoloured",
+            };
+            words.push(format!("light `{id}` {verb}"));
+        }
+        words
+    }
+}
+
+fn light_changes(old: &[Light], new: &[Light]) -> Vec<(String, LightChange)> {
+    let mut changes = Vec::new();
+    for light in new {
+        match old.iter().find(|other| other.id == light.id) {
+            None => changes.push((light.id.clone(), LightChange::Added)),
+            Some(other) if other.geometry != light.geometry => {
+                changes.push((light.id.clone(), LightChange::Moved))
+            }
+            Some(other) if other.power != light.power => {
+                changes.push((light.id.clone(), LightChange::Recolored))
+            }
+            Some(_) => {}
+        }
+    }
+    let gone = old
+        .iter()
+        .filter(|light| new.iter().all(|other| other.id != light.id));
+    changes.extend(gone.map(|light| (light.id.clone(), LightChange::Removed)));
+    changes
+}

@@ -1,0 +1,140 @@
+//! Light sources: where they are apart from how strong they are, so that a recoloured light is
+//! told apart from a moved one.
+
+use glam::DVec3;
+use proto::scene_file as file;
+
+/// A light that shines: enabled and not black.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Light {
+    /// Stable name.
+    pub id: String,
+    /// Where it is and how it spreads.
+    pub geometry: LightGeometry,
+    /// Linear RGB; irradiance (directional), radiant intensity (point, spot) or radiance (others).
+    pub power: DVec3,
+}
+
+/// Placement of a light; directions are normalised, `up` is perpendicular to `normal`.
+#[derive(Debug, Clone, PartialEq)]
+#[allow(missing_docs)]
+pub enum LightGeometry {
+    /// `direction`: the way the light travels.
+    Directional {
+        direction: DVec3,
+    },
+    Point {
+        position: DVec3,
+    },
+    /// Cosines of the half-angles: full above the first, smoothstep to 0 at the second.
+    Spot {
+        position: DVec3,
+        direction: DVec3,
+        cos_inner: f64,
+        cos_outer: f64,
+    },
+    /// Edges are `size[0]` along `up x normal` and `size[1]` along `up`.
+    Rectangle {
+        center: DVec3,
+        normal: DVec3,
+        up: DVec3,
+        size: [f64; 2],
+    },
+    Disk {
+        center: DVec3,
+        normal: DVec3,
+        radius: f64,
+    },
+    Sphere {
+        center: DVec3,
+        radius: f64,
+    },
+    /// Uniform radiance from every direction.
+    UniformEnvironment,
+}
+
+impl Light {
+    /// From the checked file form; `None` if the light is off or black.
+    ///
+    /// # Errors
+    /// Environment images are refused: no method can use them yet.
+    pub fn from_file(light: &file::Light, index: usize) -> Result<Option<Self>, proto::FieldError> {
+        let v = DVec3::from_array;
+        let unit = |a: [f64; 3]| v(a).normalize();
+        let (geometry, power) = match light {
+            file::Light::Directional(l) => (
+                LightGeometry::Directional {
+                    direction: unit(l.direction),
+                },
+                l.irradiance,
+            ),
+            file::Light::Point(l) => (
+                LightGeometry::Point {
+                    position: v(l.position),
+                },
+                l.intensity,
+            ),
+            file::Light::Spot(l) => {
+                let [inner, outer] = l.cone_degrees.map(|degrees| degrees.to_radians().cos());
+                let (position, direction) = (v(l.position), unit(l.direction));
+                (
+                    LightGeometry::Spot {
+                        position,
+                        direction,
+                        cos_inner: inner,
+                        cos_outer: outer,
+                    },
+                    l.intensity,
+                )
+            }
+            file::Light::Rectangle(l) => {
+                let normal = unit(l.normal);
+                let up = (v(l.up) - normal * normal.dot(v(l.up))).normalize();
+                (
+                    LightGeometry::Rectangle {
+                        center: v(l.center),
+                        normal,
+                        up,
+                        size: l.size,
+                    },
+                    l.radiance,
+                )
+            }
+            file::Light::Disk(l) => {
+                let (center, normal) = (v(l.center), unit(l.normal));
+                (
+                    LightGeometry::Disk {
+                        center,
+                        normal,
+                        radius: l.radius,
+                    },
+                    l.radiance,
+                )
+            }
+            file::Light::Sphere(l) => (
+                LightGeometry::Sphere {
+                    center: v(l.center),
+                    radius: l.radius,
+                },
+                l.radiance,
+            ),
+            file::Light::Environment(l) => match l.radiance {
+                Some(radiance) => (LightGeometry::UniformEnvironment, radiance),
+                None if !l.enabled => return Ok(None),
+                None => {
+                    return Err(proto::FieldError::new(
+                        format!("lights[{index}].image"),
+                        "environment images are not built yet; give a uniform `radiance` instead",
+                    ));
+                }
+            },
+        };
+        let id = light.id().map_or_else(|| index.to_string(), str::to_owned);
+        let shines = light.enabled() && power.iter().any(|&x| x > 0.0);
+        Ok(shines.then_some(Self {
+            id,
+            geometry,
+            power: v(power),
+        }))
+    }
+}

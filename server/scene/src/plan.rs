@@ -1,0 +1,505 @@
+//! The plan: which passes a frame needs, how much work each has, and why the others are skipped.
+//!
+//! A plain value, computed without a GPU from what each cache was computed from and the newest
+//! scene. "Skip what a scene doesn't need" lives here and nowhere else.
+
+use proto::plan::PassReport;
+
+use crate::changes::Changes;
+use crate::scene::Scene;
+
+/// The passes of a frame, in the order they run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Pass {
+    /// Voxels to the GPU.
+    UploadVolume,
+    /// Transfer function and materials to the GPU.
+    UploadTransferFunction,
+    /// Empty-space distance map from bin masks.
+    DistanceMap,
+    /// Lights to the GPU.
+    UploadLights,
+    /// View rays into the film.
+    RayCast,
+    /// Film to picture.
+    ToneMap,
+}
+
+impl Pass {
+    /// Name in reports; equal to the shader file where there is one.
+    pub fn name(self) -> &'static str {
+        match self {
+            Pass::UploadVolume => "upload_volume",
+            Pass::UploadTransferFunction => "upload_transfer_function",
+            Pass::DistanceMap => "distance_map",
+            Pass::UploadLights => "upload_lights",
+            Pass::RayCast => "ray_cast",
+            Pass::ToneMap => "tone_map",
+        }
+    }
+}
+
+/// Whether a pass runs, and why.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PlannedPass {
+    /// Which.
+    pub pass: Pass,
+    /// Whether it runs.
+    pub runs: bool,
+    /// Why it runs, or why not.
+    pub reason: String,
+    /// Amount of work if it runs, else 0.
+    pub work: u64,
+    /// Unit of `work`.
+    pub unit: &'static str,
+}
+
+/// The passes of one frame.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Plan {
+    /// What changed since the film was drawn, in words.
+    pub changes: Vec<String>,
+    /// Every pass once, in order.
+    pub passes: Vec<PlannedPass>,
+}
+
+/// Size of the picture and how well it is to be sampled.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Target {
+    /// Pixels.
+    pub width: u32,
+    /// Pixels.
+    pub height: u32,
+    /// Samples per pixel the film shall have.
+    pub samples_per_pixel: u32,
+}
+
+/// A film as it stands.
+#[derive(Debug, Clone, Copy)]
+pub struct FilmState<'a> {
+    /// The scene it shows.
+    pub scene: &'a Scene,
+    /// Its size and the samples per pixel it holds (of complete passes over the image).
+    pub held: Target,
+}
+
+/// What each cache was computed from; `None`: it holds nothing.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Caches<'a> {
+    /// Volume texture.
+    pub volume: Option<&'a Scene>,
+    /// Transfer-function tables.
+    pub transfer_function: Option<&'a Scene>,
+    /// Distance map.
+    pub distance_map: Option<&'a Scene>,
+    /// Light table.
+    pub lights: Option<&'a Scene>,
+    /// Film.
+    pub film: Option<FilmState<'a>>,
+    /// Tone-mapped picture: the scene and the film state it was made from.
+    pub picture: Option<FilmState<'a>>,
+}
+
+/// Why a cache is stale, or why it is not: `Err` carries the reason to keep it.
+type Verdict = Result<String, String>;
+
+impl Plan {
+    /// The plan that brings `caches` to `scene` and `target`.
+    pub fn new(caches: &Caches<'_>, scene: &Scene, target: Target) -> Self {
+        let pixels = u64::from(target.width) * u64::from(target.height);
+        let cells: usize = scene.volume.macrocells.dims.iter().product();
+        let ray_cast = ray_cast(caches.film, scene, target);
+        let samples_missing = match &ray_cast {
+            Ok((_, samples)) => u64::from(*samples),
+            Err(_) => 0,
+        };
+        let film_runs = ray_cast.is_ok();
+        let mut passes = Vec::new();
+        let mut plan = |pass, verdict: Verdict, work: u64, unit| {
+            let (runs, reason) = match verdict {
+                Ok(reason) => (true, reason),
+                Err(reason) => (false, reason),
+            };
+            passes.push(PlannedPass {
+                pass,
+                runs,
+                reason,
+                work: if runs { work } else { 0 },
+                unit,
+            });
+        };
+        let tables_needed = |verdict: Verdict| {
+            if film_runs {
+                verdict
+            } else {
+                Err("no ray will be cast".to_owned())
+            }
+        };
+        plan(
+            Pass::UploadVolume,
+            tables_needed(upload_volume(caches.volume, scene)),
+            scene.volume.volume.voxels.len() as u64,
+            "voxels",
+        );
+        plan(
+            Pass::UploadTransferFunction,
+            tables_needed(upload_transfer_function(caches.transfer_function, scene)),
+            scene.transfer_function.points.len() as u64,
+            "points",
+        );
+        plan(
+            Pass::DistanceMap,
+            tables_needed(distance_map(caches.distance_map, scene)),
+            cells as u64,
+            "cells",
+        );
+        plan(
+            Pass::UploadLights,
+            tables_needed(upload_lights(caches.lights, scene)),
+            scene.lights.len() as u64,
+            "lights",
+        );
+        plan(
+            Pass::RayCast,
+            ray_cast.map(|(reason, _)| reason),
+            pixels * samples_missing,
+            "pixel samples",
+        );
+        plan(
+            Pass::ToneMap,
+            tone_map(caches.picture, scene, target, film_runs),
+            pixels,
+            "pixels",
+        );
+        let changes = caches.film.map_or_else(Vec::new, |film| {
+            Changes::between(film.scene, scene).in_words()
+        });
+        Self { changes, passes }
+    }
+
+    /// Whether a pass runs.
+    pub fn runs(&self, pass: Pass) -> bool {
+        self.passes
+            .iter()
+            .any(|planned| planned.pass == pass && planned.runs)
+    }
+
+    /// Whether nothing runs.
+    pub fn is_empty(&self) -> bool {
+        self.passes.iter().all(|planned| !planned.runs)
+    }
+
+    /// The plan as it travels.
+    pub fn report(&self) -> Vec<PassReport> {
+        let report = |planned: &PlannedPass| PassReport {
+            pass: planned.pass.name().to_owned(),
+            runs: planned.runs,
+            reason: planned.reason.clone(),
+            work: planned.work,
+            unit: planned.unit.to_owned(),
+        };
+        self.passes.iter().map(report).collect()
+    }
+}
+
+fn upload_volume(cached: Option<&Scene>, scene: &Scene) -> Verdict {
+    match cached {
+        None => Ok("not on the GPU yet".into()),
+        Some(old) if old.volume.content != scene.volume.content => Ok("another volume".into()),
+        Some(_) => Err("same voxels".into()),
+    }
+}
+
+fn upload_transfer_function(cached: Option<&Scene>, scene: &Scene) -> Verdict {
+    match cached {
+        None => Ok("not on the GPU yet".into()),
+        Some(old)
+            if old.transfer_function == scene.transfer_function
+                && old.materials == scene.materials =>
+        {
+            Err("same transfer function and materials".into())
+        }
+        Some(_) => Ok("transfer function or materials edited".into()),
+    }
+}
+
+fn distance_map(cached: Option<&Scene>, scene: &Scene) -> Verdict {
+    if !scene.sampling.skip_empty {
+        return Err("skipping is switched off".into());
+    }
+    match cached {
+        None => Ok("not computed yet".into()),
+        Some(old) if old.volume.content != scene.volume.content || old.filter != scene.filter => {
+            Ok("other macrocell masks".into())
+        }
+        Some(old) if old.bins_with_matter() != scene.bins_with_matter() => {
+            let changed = (old.bins_with_matter() ^ scene.bins_with_matter()).count_ones();
+            Ok(format!("{changed} bins gained or lost their matter"))
+        }
+        Some(_) => Err("the same bins hold matter".into()),
+    }
+}
+
+fn upload_lights(cached: Option<&Scene>, scene: &Scene) -> Verdict {
+    match cached {
+        None => Ok("not on the GPU yet".into()),
+        Some(old) if old.lights != scene.lights => Ok("lights edited".into()),
+        Some(_) => Err("same lights".into()),
+    }
+}
+
+/// Reason and samples per pixel to add, or why no ray needs to be cast.
+fn ray_cast(
+    film: Option<FilmState<'_>>,
+    scene: &Scene,
+    target: Target,
+) -> Result<(String, u32), String> {
+    let from_scratch = |reason: String| Ok((reason, target.samples_per_pixel));
+    let Some(film) = film else {
+        return from_scratch("the film is empty".into());
+    };
+    if (film.held.width, film.held.height) != (target.width, target.height) {
+        return from_scratch(format!(
+            "image size is now {} x {}",
+            target.width, target.height
+        ));
+    }
+    let changes = Changes::between(film.scene, scene);
+    let occurring = scene.volume.macrocells.occurring(scene.filter);
+    let mut reasons = Changes {
+        // What cannot show in a picture without shadows and multiple scattering, or not in the film.
+        clip_shadows: false,
+        orders: false,
+        film: false,
+        bins: if changes.volume {
+            u64::MAX
+        } else {
+            changes.bins & occurring
+        },
+        ..changes.clone()
+    };
+    // Light on nothing, or on matter that scatters nothing, cannot be seen.
+    if !reasons.lights.is_empty() && !anything_scatters(scene) && !anything_scatters(film.scene) {
+        reasons.lights.clear();
+    }
+    if !reasons.is_empty() {
+        return from_scratch(reasons.in_words().join(", "));
+    }
+    if film.held.samples_per_pixel < target.samples_per_pixel {
+        let missing = target.samples_per_pixel - film.held.samples_per_pixel;
+        return Ok((
+            format!(
+                "refining from {} to {} samples per pixel",
+                film.held.samples_per_pixel, target.samples_per_pixel
+            ),
+            missing,
+        ));
+    }
+    Err(if changes.is_empty() {
+        "nothing changed".into()
+    } else {
+        format!(
+            "{} cannot be seen on the film",
+            changes.in_words().join(", ")
+        )
+    })
+}
+
+/// Whether any matter that occurs in the volume scatters light.
+fn anything_scatters(scene: &Scene) -> bool {
+    let occurring = scene.volume.macrocells.occurring(scene.filter);
+    let surfaces = scene
+        .materials
+        .iter()
+        .any(|material| material.surface > 0.0);
+    let albedo = scene
+        .transfer_function
+        .points
+        .iter()
+        .any(|p| p.albedo.max_element() > 0.0);
+    (surfaces || albedo) && scene.bins_with_matter() & occurring != 0
+}
+
+fn tone_map(
+    picture: Option<FilmState<'_>>,
+    scene: &Scene,
+    target: Target,
+    film_runs: bool,
+) -> Verdict {
+    if film_runs {
+        return Ok("the film changes".into());
+    }
+    match picture {
+        None => Ok("no picture yet".into()),
+        Some(old) if old.scene.film != scene.film => Ok("exposure or tone mapping edited".into()),
+        Some(old)
+            if old.held != target && old.held.samples_per_pixel < target.samples_per_pixel =>
+        {
+            Ok("the film holds more samples".into())
+        }
+        Some(_) => Err("same film, same operator".into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use proto::scene_file::{Builtin, SceneFile, VolumeSource};
+    use serde_json::json;
+
+    use super::*;
+    use crate::prepared::PreparedVolume;
+    use crate::volume::{Volume, Voxels};
+
+    const TARGET: Target = Target {
+        width: 64,
+        height: 48,
+        samples_per_pixel: 4,
+    };
+
+    fn volume() -> Arc<PreparedVolume> {
+        let voxels = (0..16 * 16 * 16).map(|i| (i % 199) as u8).collect();
+        Arc::new(PreparedVolume::new(
+            Volume::new([16; 3], Voxels::U8(voxels)),
+            &|_| {},
+        ))
+    }
+
+    fn scene(volume: &Arc<PreparedVolume>, patch: serde_json::Value) -> Scene {
+        let source = VolumeSource {
+            builtin: Some(Builtin::Pillars),
+            ..VolumeSource::default()
+        };
+        let mut file = serde_json::to_value(SceneFile::new(source)).unwrap();
+        file["lights"] = json!([{"id": "sun", "type": "directional", "direction": [0, -1, 0], "irradiance": [1, 1, 1]}]);
+        for (key, value) in patch.as_object().unwrap() {
+            file[key] = value.clone();
+        }
+        Scene::new(&SceneFile::from_value(file).unwrap(), volume.clone()).unwrap()
+    }
+
+    /// Names of the passes that run when `old` is complete and `new` is asked for.
+    fn running(old: &Scene, new: &Scene) -> Vec<&'static str> {
+        let state = FilmState {
+            scene: old,
+            held: TARGET,
+        };
+        let caches = Caches {
+            volume: Some(old),
+            transfer_function: Some(old),
+            distance_map: Some(old),
+            lights: Some(old),
+            film: Some(state),
+            picture: Some(state),
+        };
+        let plan = Plan::new(&caches, new, TARGET);
+        plan.passes
+            .iter()
+            .filter(|p| p.runs)
+            .map(|p| p.pass.name())
+            .collect()
+    }
+
+    #[test]
+    fn the_first_frame_runs_everything() {
+        let volume = volume();
+        let plan = Plan::new(&Caches::default(), &scene(&volume, json!({})), TARGET);
+        assert!(plan.passes.iter().all(|p| p.runs), "{plan:?}");
+        let cast = plan
+            .passes
+            .iter()
+            .find(|p| p.pass == Pass::RayCast)
+            .unwrap();
+        assert_eq!(cast.work, 64 * 48 * 4);
+    }
+
+    #[test]
+    fn nothing_changed_nothing_runs() {
+        let volume = volume();
+        let old = scene(&volume, json!({}));
+        assert_eq!(running(&old, &scene(&volume, json!({}))), [""; 0]);
+    }
+
+    #[test]
+    fn each_edit_runs_what_it_needs() {
+        let volume = volume();
+        let old = scene(&volume, json!({}));
+        let check =
+            |patch, expected: &[&str]| assert_eq!(running(&old, &scene(&volume, patch)), expected);
+        let tf = |points| json!({"transfer_function": {"points": points}});
+        let ramp = |top: f64| json!([{"s": 0, "extinction": 0}, {"s": 0.15, "extinction": 0}, {"s": 1, "extinction": top}]);
+        check(
+            json!({"camera": {"position": [1, 1, 1], "target": [0, 0, 0], "up": [0, 1, 0], "fov_y_degrees": 30}}),
+            &["ray_cast", "tone_map"],
+        );
+        check(json!({"film": {"exposure_stops": 1}}), &["tone_map"]);
+        check(
+            tf(ramp(90.0)),
+            &["upload_transfer_function", "ray_cast", "tone_map"],
+        );
+        check(
+            tf(
+                json!([{"s": 0, "extinction": 0}, {"s": 0.5, "extinction": 0}, {"s": 1, "extinction": 60}]),
+            ),
+            &[
+                "upload_transfer_function",
+                "distance_map",
+                "ray_cast",
+                "tone_map",
+            ],
+        );
+        check(
+            json!({"lights": []}),
+            &["upload_lights", "ray_cast", "tone_map"],
+        );
+        check(json!({"scattering": {"orders": 1}}), &[]);
+        check(json!({"clip": {"shadows": false}}), &[]);
+        check(json!({"sampling": {"skip_empty": false}}), &[]);
+        check(
+            json!({"clip": {"box": [[0, 0, 0], [1, 1, 0.5]]}}),
+            &["ray_cast", "tone_map"],
+        );
+    }
+
+    #[test]
+    fn light_on_black_matter_is_not_seen() {
+        let volume = volume();
+        let black = json!([{"s": 0, "extinction": 9, "albedo": [0, 0, 0], "emission": [1, 1, 1]}]);
+        let old = scene(&volume, json!({"transfer_function": {"points": black}}));
+        let new = scene(
+            &volume,
+            json!({"transfer_function": {"points": black}, "lights": []}),
+        );
+        assert_eq!(running(&old, &new), [""; 0]);
+    }
+
+    #[test]
+    fn more_samples_refine_without_uploads() {
+        let volume = volume();
+        let old = scene(&volume, json!({}));
+        let state = FilmState {
+            scene: &old,
+            held: Target {
+                samples_per_pixel: 1,
+                ..TARGET
+            },
+        };
+        let caches = Caches {
+            film: Some(state),
+            volume: Some(&old),
+            transfer_function: Some(&old),
+            distance_map: Some(&old),
+            lights: Some(&old),
+            picture: Some(state),
+        };
+        let plan = Plan::new(&caches, &old, TARGET);
+        let cast = plan
+            .passes
+            .iter()
+            .find(|p| p.pass == Pass::RayCast)
+            .unwrap();
+        assert_eq!((cast.runs, cast.work), (true, 64 * 48 * 3));
+        assert!(!plan.runs(Pass::UploadLights) && plan.runs(Pass::ToneMap));
+    }
+}

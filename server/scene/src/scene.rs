@@ -1,0 +1,127 @@
+//! The checked scene and its snapshots.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use proto::FieldError;
+use proto::scene_file::{Background, Film, Filter, Method, Orders, Sampling, SceneFile};
+
+use crate::camera::Camera;
+use crate::clip::Clip;
+use crate::grid::Grid;
+use crate::light::{Light, LightGeometry};
+use crate::material::Material;
+use crate::prepared::PreparedVolume;
+use crate::transfer_function::{Classification, TransferFunction};
+
+/// Everything a picture depends on. Immutable; cheap to clone and to change one part of.
+#[derive(Debug, Clone)]
+pub struct Scene {
+    /// Voxels with what was derived from them.
+    pub volume: Arc<PreparedVolume>,
+    /// Interpolation between voxels.
+    pub filter: Filter,
+    /// Where the voxels lie in the world.
+    pub grid: Grid,
+    /// Data values at `s` = 0 and 1.
+    pub value_range: [f64; 2],
+    /// From `s` to matter.
+    pub transfer_function: TransferFunction,
+    /// What the transfer function's material indices mean; the first is isotropic.
+    pub materials: Vec<Material>,
+    /// Lights that shine.
+    pub lights: Vec<Light>,
+    /// The view.
+    pub camera: Camera,
+    /// What is left out.
+    pub clip: Clip,
+    /// Radiance seen where the volume is transparent, linear RGB.
+    pub background: DVec3,
+    /// Scattering events a light path may have.
+    pub orders: Orders,
+    /// Illumination method.
+    pub method: Method,
+    /// Sampling of view rays and pixels.
+    pub sampling: Sampling,
+    /// From radiance to the picture.
+    pub film: Film,
+}
+
+/// A scene at a moment of its history. Later snapshots have larger epochs.
+#[derive(Debug, Clone)]
+pub struct Snapshot {
+    /// Counts the scene's edits, from 1.
+    pub epoch: u32,
+    /// The scene.
+    pub scene: Scene,
+}
+
+impl Scene {
+    /// Checks a scene file against the volume it names.
+    ///
+    /// # Errors
+    /// The first field that is out of range or asks for what is not built yet.
+    pub fn new(file: &SceneFile, volume: Arc<PreparedVolume>) -> Result<Self, FieldError> {
+        file.validate()?;
+        let (transfer_function, materials) = TransferFunction::from_file(file);
+        let mut lights = Vec::with_capacity(file.lights.len());
+        for (index, light) in file.lights.iter().enumerate() {
+            lights.extend(Light::from_file(light, index)?);
+        }
+        let camera = match &file.camera {
+            Some(camera) => Camera::from_file(camera),
+            None => Camera::from_file(&Camera::default_file(volume.volume.orientation.is_some())),
+        };
+        let background = match file.background {
+            Background::Color(color) => DVec3::from_array(color),
+            Background::Environment => uniform_environment(&lights),
+        };
+        let grid = Grid::new(
+            volume.volume.dims,
+            file.spacing.unwrap_or(volume.volume.spacing),
+        );
+        Ok(Self {
+            filter: file.volume.filter,
+            grid,
+            value_range: file.value_range.unwrap_or(volume.range),
+            transfer_function,
+            materials,
+            lights,
+            camera,
+            clip: Clip::from_file(&file.clip),
+            background,
+            orders: file.scattering.orders,
+            method: file.illumination.method,
+            sampling: file.sampling.clone(),
+            film: file.film.clone(),
+            volume,
+        })
+    }
+
+    /// The transfer function with what it refers to.
+    pub fn classification(&self) -> Classification<'_> {
+        Classification {
+            function: &self.transfer_function,
+            materials: &self.materials,
+            value_range: self.value_range,
+        }
+    }
+
+    /// Bins in which matter can occur.
+    pub fn bins_with_matter(&self) -> u64 {
+        self.classification().bins_with_matter(&self.volume.bins)
+    }
+
+    /// Distance between samples on a view ray, world units.
+    pub fn step_world(&self) -> f64 {
+        self.sampling.step_voxels * self.grid.smallest_voxel_edge_world()
+    }
+}
+
+/// Radiance of the uniform environment light, black without one.
+fn uniform_environment(lights: &[Light]) -> DVec3 {
+    let environment = lights
+        .iter()
+        .find(|l| l.geometry == LightGeometry::UniformEnvironment);
+    environment.map_or(DVec3::ZERO, |light| light.power)
+}
