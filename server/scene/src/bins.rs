@@ -19,7 +19,8 @@ const MAX_SORTED_VALUES: usize = 1 << 20;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bins {
     /// `edges[i] .. edges[i + 1]` is bin `i`; ascending; the first is the smallest value of the
-    /// data, the last its largest. Unused bins at the end are empty (both edges the largest).
+    /// data, the last its largest. With fewer distinct values than bins the bins at the end have both
+    /// edges at the largest value; only the last of them holds any (that value).
     pub edges: [f64; BIN_COUNT + 1],
 }
 

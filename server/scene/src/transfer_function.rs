@@ -128,7 +128,7 @@ impl Classification<'_> {
         (0..BIN_COUNT)
             .filter(|&bin| {
                 let [low, high] = bins.interval(bin);
-                (low < high || bin == 0) && holds(low - slack, high + slack)
+                (low < high || bin == BIN_COUNT - 1) && holds(low - slack, high + slack)
             })
             .fold(0, |mask, bin| mask | 1 << bin)
     }
