@@ -24,12 +24,8 @@ pub(crate) fn stored_range(voxels: &Voxels) -> [f64; 2] {
         let Some(first) = values.first().copied() else {
             return [0.0, 0.0];
         };
-        let wider = |a: (T, T), b: (T, T)| {
-            (
-                if b.0 < a.0 { b.0 } else { a.0 },
-                if b.1 > a.1 { b.1 } else { a.1 },
-            )
-        };
+        let wider =
+            |a: (T, T), b: (T, T)| (if b.0 < a.0 { b.0 } else { a.0 }, if b.1 > a.1 { b.1 } else { a.1 });
         let (low, high) = values
             .par_chunks(PARALLEL_CHUNK)
             .map(|chunk| chunk.iter().fold((first, first), |a, v| wider(a, (*v, *v))))

@@ -41,10 +41,7 @@ pub(crate) fn detect(path: &Path, options: &ReadOptions<'_>) -> Result<Detected,
             (Some(layout), _) => Ok(Detected::Raw(layout)),
             (None, Some("raw")) => Err(FormatError::RawWithoutLayout { file }),
             (None, Some("dat" | "vvd")) => Err(FormatError::Unsupported {
-                what: format!(
-                    "a .{} description of a raw file",
-                    extension.unwrap_or_default()
-                ),
+                what: format!("a .{} description of a raw file", extension.unwrap_or_default()),
                 help: "open the .raw file and describe it in NAME.json beside it, for example \
                        {\"dims\": [64, 64, 64], \"type\": \"uint8\", \"endian\": \"little\", \
                        \"header_bytes\": 0, \"spacing\": [1, 1, 1]}"

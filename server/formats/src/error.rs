@@ -126,33 +126,18 @@ impl FormatError {
     }
 
     /// Something legal that is not read here.
-    pub(crate) fn unsupported(
-        file: &str,
-        what: impl Into<String>,
-        help: impl Into<String>,
-    ) -> Self {
-        Self::Unsupported {
-            file: file.to_owned(),
-            what: what.into(),
-            help: help.into(),
-        }
+    pub(crate) fn unsupported(file: &str, what: impl Into<String>, help: impl Into<String>) -> Self {
+        Self::Unsupported { file: file.to_owned(), what: what.into(), help: help.into() }
     }
 
     /// Damaged data.
     pub(crate) fn corrupt(file: &str, what: impl Into<String>) -> Self {
-        Self::Corrupt {
-            file: file.to_owned(),
-            what: what.into(),
-        }
+        Self::Corrupt { file: file.to_owned(), what: what.into() }
     }
 
     /// Returns a function that wraps the system's errors.
     pub(crate) fn io(file: &str, action: &'static str) -> impl FnOnce(io::Error) -> Self {
-        move |source| Self::Io {
-            file: file.to_owned(),
-            action,
-            source,
-        }
+        move |source| Self::Io { file: file.to_owned(), action, source }
     }
 }
 
@@ -167,8 +152,5 @@ pub(crate) fn quoted(text: &str) -> String {
 
 /// The last component of a path, for messages.
 pub(crate) fn file_name(path: &Path) -> String {
-    path.file_name()
-        .unwrap_or(path.as_os_str())
-        .to_string_lossy()
-        .into_owned()
+    path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }

@@ -45,10 +45,7 @@ impl Read for GzipMembers {
                 self.empty_members += 1;
             }
             if self.empty_members > MAX_EMPTY_MEMBERS {
-                return Err(io::Error::new(
-                    io::ErrorKind::InvalidData,
-                    "too many empty members",
-                ));
+                return Err(io::Error::new(io::ErrorKind::InvalidData, "too many empty members"));
             }
             let Some(mut reader) = self.decoder.take().map(GzDecoder::into_inner) else {
                 break;

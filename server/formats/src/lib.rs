@@ -106,13 +106,7 @@ impl Default for ReadOptions<'_> {
     /// First volume, default limits, detached data from the header's folder only, no progress.
     fn default() -> Self {
         fn ignore(_: f32) {}
-        Self {
-            raw: None,
-            index: None,
-            limits: Limits::default(),
-            siblings_only: true,
-            progress: &ignore,
-        }
+        Self { raw: None, index: None, limits: Limits::default(), siblings_only: true, progress: &ignore }
     }
 }
 

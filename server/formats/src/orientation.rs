@@ -21,14 +21,7 @@ const MIN_DETERMINANT: f64 = 1e-6;
 const MAX_SHEAR_COS: f64 = 1e-3;
 /// By how much another permutation must be closer to LPS; keeps 45 degree ties where they are.
 const TIE_MARGIN: f64 = 1e-9;
-const PERMUTATIONS: [[usize; 3]; 6] = [
-    [0, 1, 2],
-    [0, 2, 1],
-    [1, 0, 2],
-    [1, 2, 0],
-    [2, 0, 1],
-    [2, 1, 0],
-];
+const PERMUTATIONS: [[usize; 3]; 6] = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
 
 pub(crate) type Vec3 = [f64; 3];
 
@@ -41,11 +34,7 @@ pub(crate) fn norm(a: Vec3) -> f64 {
 }
 
 pub(crate) fn cross(a: Vec3, b: Vec3) -> Vec3 {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// Whether a voxel edge can be worked with.
@@ -75,26 +64,18 @@ impl Affine {
         let unit = |axis: usize| columns[axis].map(|c| c / spacing[axis]);
         let directions = [unit(0), unit(1), unit(2)];
         let determinant = dot(directions[0], cross(directions[1], directions[2]));
-        (determinant.abs() >= MIN_DETERMINANT).then_some(Self {
-            directions,
-            spacing,
-            origin,
-        })
+        (determinant.abs() >= MIN_DETERMINANT).then_some(Self { directions, spacing, origin })
     }
 
     /// Whether the axes stand perpendicular on each other, as rendering takes them to be.
     fn is_sheared(&self) -> bool {
         let [a, b, c] = self.directions;
-        [dot(a, b), dot(b, c), dot(c, a)]
-            .iter()
-            .any(|cos| cos.abs() > MAX_SHEAR_COS)
+        [dot(a, b), dot(b, c), dot(c, a)].iter().any(|cos| cos.abs() > MAX_SHEAR_COS)
     }
 
     fn closest_lps(&self) -> Axes {
         let closeness = |permutation: [usize; 3]| -> f64 {
-            (0..3)
-                .map(|world| self.directions[permutation[world]][world].abs())
-                .sum()
+            (0..3).map(|world| self.directions[permutation[world]][world].abs()).sum()
         };
         let mut best = PERMUTATIONS[0];
         for candidate in PERMUTATIONS {
@@ -103,10 +84,7 @@ impl Affine {
             }
         }
         let flip = [0, 1, 2].map(|world| self.directions[best[world]][world] < 0.0);
-        Axes {
-            permutation: best,
-            flip,
-        }
+        Axes { permutation: best, flip }
     }
 }
 
@@ -128,53 +106,26 @@ impl Stored {
         let [low, high] = SPACING_RANGE;
         if !spacing.iter().all(|s| spacing_is_usable(*s)) {
             let expected = format!("voxel edges from {low:e} to {high:e}");
-            return Err(FormatError::field(
-                file,
-                field,
-                format!("{spacing:?}"),
-                expected,
-            ));
+            return Err(FormatError::field(file, field, format!("{spacing:?}"), expected));
         }
         let edges = [0, 1, 2].map(|axis| spacing[axis] * self.dims[axis] as f64);
         let longest = edges.iter().copied().fold(0.0, f64::max);
         let shortest = edges.iter().copied().fold(f64::INFINITY, f64::min);
         if longest > MAX_EDGE_RATIO * shortest {
-            let expected = format!(
-                "a box whose longest edge is at most {MAX_EDGE_RATIO:e} times its shortest"
-            );
-            return Err(FormatError::field(
-                file,
-                field,
-                format!("edges {edges:?}"),
-                expected,
-            ));
+            let expected =
+                format!("a box whose longest edge is at most {MAX_EDGE_RATIO:e} times its shortest");
+            return Err(FormatError::field(file, field, format!("edges {edges:?}"), expected));
         }
         Ok(())
     }
 
     /// Puts the voxels in world order.
     pub(crate) fn into_volume(self, voxels: Voxels, notices: &mut Vec<String>) -> Volume {
-        let Stored {
-            dims,
-            spacing,
-            spacing_unit,
-            slope,
-            intercept,
-            affine,
-        } = self;
-        let volume = Volume {
-            dims,
-            spacing,
-            spacing_unit,
-            voxels,
-            slope,
-            intercept,
-            orientation: None,
-        };
+        let Stored { dims, spacing, spacing_unit, slope, intercept, affine } = self;
+        let volume = Volume { dims, spacing, spacing_unit, voxels, slope, intercept, orientation: None };
         let Some(affine) = affine else { return volume };
         if affine.is_sheared() {
-            notices
-                .push("the axes are not perpendicular; the volume is drawn as if they were".into());
+            notices.push("the axes are not perpendicular; the volume is drawn as if they were".into());
         }
         let axes = affine.closest_lps();
         let Axes { permutation, flip } = axes;
@@ -195,10 +146,7 @@ impl Stored {
             dims: permutation.map(|axis| dims[axis]),
             spacing: permutation.map(|axis| affine.spacing[axis]),
             voxels: reorder_voxels(volume.voxels, dims, axes),
-            orientation: Some(Orientation {
-                lps_from_grid,
-                origin,
-            }),
+            orientation: Some(Orientation { lps_from_grid, origin }),
             ..volume
         }
     }
@@ -253,21 +201,14 @@ mod tests {
                     spacing_unit: None,
                     slope: 1.0,
                     intercept: 0.0,
-                    affine: Some(Affine {
-                        directions,
-                        spacing,
-                        origin,
-                    }),
+                    affine: Some(Affine { directions, spacing, origin }),
                 }
                 .into_volume(Voxels::U16(stored), &mut Vec::new());
                 assert_eq!(volume.dims, world_dims);
                 assert_eq!(volume.spacing, [1.0, 2.0, 3.0]);
                 let orientation = volume.orientation.unwrap();
                 assert_eq!(orientation.origin, [10.0, 20.0, 30.0]);
-                assert_eq!(
-                    orientation.lps_from_grid,
-                    [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
-                );
+                assert_eq!(orientation.lps_from_grid, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
                 for z in 0..world_dims[2] {
                     for y in 0..world_dims[1] {
                         for x in 0..world_dims[0] {
@@ -277,11 +218,7 @@ mod tests {
                 }
             }
         }
-        assert_eq!(
-            seen.len(),
-            48,
-            "the files must differ, or the test proves nothing"
-        );
+        assert_eq!(seen.len(), 48, "the files must differ, or the test proves nothing");
     }
 
     #[test]

@@ -45,10 +45,7 @@ pub fn read_sidecar(raw_path: &Path) -> Result<Option<RawLayout>, FormatError> {
     let mut appended = raw_path.as_os_str().to_owned();
     appended.push(".json");
     let candidates = [PathBuf::from(appended), raw_path.with_extension("json")];
-    let Some(path) = candidates
-        .iter()
-        .find(|p| p.is_file() && p.as_path() != raw_path)
-    else {
+    let Some(path) = candidates.iter().find(|p| p.is_file() && p.as_path() != raw_path) else {
         return Ok(None);
     };
     let file = file_name(path);
@@ -75,11 +72,7 @@ pub fn read_sidecar(raw_path: &Path) -> Result<Option<RawLayout>, FormatError> {
 }
 
 /// Reads a raw file; one whose name ends in `.gz` is inflated first.
-pub(crate) fn read(
-    path: &Path,
-    raw: &RawLayout,
-    options: &ReadOptions<'_>,
-) -> Result<Imported, FormatError> {
+pub(crate) fn read(path: &Path, raw: &RawLayout, options: &ReadOptions<'_>) -> Result<Imported, FormatError> {
     let file = file_name(path);
     let mut notices = Vec::new();
     let dims = check_axes(&file, "dims", raw.dims.map(i128::from), &options.limits)?;
@@ -92,20 +85,10 @@ pub(crate) fn read(
         affine: None,
     };
     stored.check_spacing(&file, "spacing")?;
-    let layout = Layout {
-        voxel_type: raw.voxel_type,
-        endian: raw.endian,
-        dims,
-        components: 1,
-        volumes: 1,
-    };
+    let layout = Layout { voxel_type: raw.voxel_type, endian: raw.endian, dims, components: 1, volumes: 1 };
     let size = layout.check(&file, options, &mut notices)?;
     let compressed = file.to_lowercase().ends_with(".gz");
-    let mut stream = if compressed {
-        Stream::open(path)?.into_gzip()?
-    } else {
-        Stream::open(path)?
-    };
+    let mut stream = if compressed { Stream::open(path)?.into_gzip()? } else { Stream::open(path)? };
 
     // A raw file proves its layout by its length alone, so here the length must fit exactly.
     let expected_bytes = raw.header_bytes.saturating_add(size.total_bytes);
@@ -124,12 +107,7 @@ pub(crate) fn read(
     })
 }
 
-fn wrong_length(
-    file: &str,
-    raw: &RawLayout,
-    stream: &Stream<'_>,
-    expected_bytes: u64,
-) -> FormatError {
+fn wrong_length(file: &str, raw: &RawLayout, stream: &Stream<'_>, expected_bytes: u64) -> FormatError {
     let [x, y, z] = raw.dims;
     let name = crate::voxels::type_name(raw.voxel_type);
     let header = raw.header_bytes;

@@ -30,11 +30,7 @@ pub(crate) struct Progress<'a> {
 
 impl<'a> Progress<'a> {
     pub(crate) fn new(callback: &'a (dyn Fn(f32) + Sync), total_bytes: u64) -> Self {
-        Self {
-            callback,
-            total_bytes,
-            done_bytes: 0,
-        }
+        Self { callback, total_bytes, done_bytes: 0 }
     }
 
     pub(crate) fn advance(&mut self, bytes: u64) {
@@ -86,13 +82,7 @@ impl<'a> Stream<'a> {
         }
         let handle = File::open(path).map_err(FormatError::io(&file, "open"))?;
         let reader = BufReader::with_capacity(FILE_BUFFER_BYTES, handle);
-        Ok(Self {
-            file,
-            inner: Inner::Plain {
-                reader,
-                left: metadata.len(),
-            },
-        })
+        Ok(Self { file, inner: Inner::Plain { reader, left: metadata.len() } })
     }
 
     /// Opens a file that may be compressed as a whole; gzip is recognised by content.
@@ -102,25 +92,12 @@ impl<'a> Stream<'a> {
             Inner::Plain { reader, .. } => is_gzip(reader.fill_buf()),
             _ => false,
         };
-        if compressed {
-            stream.into_gzip()
-        } else {
-            Ok(stream)
-        }
+        if compressed { stream.into_gzip() } else { Ok(stream) }
     }
 
     /// Several files one after the other, `part_bytes` decoded bytes from each.
     pub(crate) fn parts(file: String, count: usize, part_bytes: u64, open: OpenPart<'a>) -> Self {
-        Self {
-            file,
-            inner: Inner::Parts {
-                open,
-                next: 0,
-                count,
-                part_bytes,
-                part: None,
-            },
-        }
+        Self { file, inner: Inner::Parts { open, next: 0, count, part_bytes, part: None } }
     }
 
     /// Inflates what is left of a plain stream.
@@ -132,10 +109,7 @@ impl<'a> Stream<'a> {
         }
         let at_most = left.saturating_mul(MAX_DEFLATE_RATIO);
         let members = Box::new(GzipMembers::new(reader));
-        Ok(Self {
-            file,
-            inner: Inner::Gzip { members, at_most },
-        })
+        Ok(Self { file, inner: Inner::Gzip { members, at_most } })
     }
 
     /// Parses what is left of a plain stream as text, where two characters at least stand for
@@ -147,13 +121,7 @@ impl<'a> Stream<'a> {
     ) -> Result<Self, FormatError> {
         let (file, reader, left) = self.into_plain()?;
         let at_most = (left / 2 + 1).saturating_mul(bytes_per_char_pair);
-        Ok(Self {
-            file,
-            inner: Inner::Text {
-                reader: Box::new(wrap(reader)),
-                at_most,
-            },
-        })
+        Ok(Self { file, inner: Inner::Text { reader: Box::new(wrap(reader)), at_most } })
     }
 
     fn into_plain(self) -> Result<(String, BufReader<File>, u64), FormatError> {
@@ -168,9 +136,7 @@ impl<'a> Stream<'a> {
         match &self.inner {
             Inner::Plain { left, .. } => *left,
             Inner::Gzip { at_most, .. } | Inner::Text { at_most, .. } => *at_most,
-            Inner::Parts {
-                count, part_bytes, ..
-            } => (*count as u64).saturating_mul(*part_bytes),
+            Inner::Parts { count, part_bytes, .. } => (*count as u64).saturating_mul(*part_bytes),
         }
     }
 
@@ -183,11 +149,7 @@ impl<'a> Stream<'a> {
             Inner::Plain { left, .. } => format!("{left} are there"),
             _ => format!("at most {} can come out of it", self.at_most()),
         };
-        Err(FormatError::Truncated {
-            file: self.file.clone(),
-            needed,
-            available,
-        })
+        Err(FormatError::Truncated { file: self.file.clone(), needed, available })
     }
 
     /// Reads some bytes; 0 at the end.
@@ -212,17 +174,9 @@ impl<'a> Stream<'a> {
                 *at_most = at_most.saturating_sub(got as u64);
                 Ok(got)
             }
-            Inner::Parts {
-                open,
-                next,
-                count,
-                part_bytes,
-                part,
-            } => loop {
+            Inner::Parts { open, next, count, part_bytes, part } => loop {
                 if let Some((stream, left)) = part.as_mut().filter(|(_, left)| *left > 0) {
-                    let wanted = buffer
-                        .len()
-                        .min(usize::try_from(*left).unwrap_or(usize::MAX));
+                    let wanted = buffer.len().min(usize::try_from(*left).unwrap_or(usize::MAX));
                     stream.read_exact(&mut buffer[..wanted])?;
                     *left -= wanted as u64;
                     return Ok(wanted);
@@ -272,10 +226,7 @@ impl<'a> Stream<'a> {
     /// One line without its end, at most `limit` bytes; `None` at the end of the file.
     pub(crate) fn read_line(&mut self, limit: u64) -> Result<Option<Vec<u8>>, FormatError> {
         let Inner::Plain { reader, left } = &mut self.inner else {
-            return Err(FormatError::corrupt(
-                &self.file,
-                "lines inside encoded data",
-            ));
+            return Err(FormatError::corrupt(&self.file, "lines inside encoded data"));
         };
         let mut line = Vec::new();
         let got = reader
@@ -305,15 +256,10 @@ impl<'a> Stream<'a> {
     /// Drops whole lines of a plain stream; fails if it has fewer.
     pub(crate) fn skip_lines(&mut self, count: u64) -> Result<(), FormatError> {
         let Inner::Plain { reader, left } = &mut self.inner else {
-            return Err(FormatError::corrupt(
-                &self.file,
-                "lines inside encoded data",
-            ));
+            return Err(FormatError::corrupt(&self.file, "lines inside encoded data"));
         };
         for skipped in 0..count {
-            let got = reader
-                .skip_until(b'\n')
-                .map_err(FormatError::io(&self.file, "read"))?;
+            let got = reader.skip_until(b'\n').map_err(FormatError::io(&self.file, "read"))?;
             *left = left.saturating_sub(got as u64);
             if got == 0 {
                 return Err(FormatError::field(
@@ -328,19 +274,12 @@ impl<'a> Stream<'a> {
     }
 
     /// Drops bytes; fails if there are fewer.
-    pub(crate) fn skip(
-        &mut self,
-        bytes: u64,
-        progress: &mut Progress<'_>,
-    ) -> Result<(), FormatError> {
+    pub(crate) fn skip(&mut self, bytes: u64, progress: &mut Progress<'_>) -> Result<(), FormatError> {
         self.require(bytes)?;
         if let Inner::Plain { reader, left } = &mut self.inner {
-            let offset = i64::try_from(bytes).map_err(|_| {
-                FormatError::corrupt(&self.file, "a position beyond any file is asked for")
-            })?;
-            reader
-                .seek_relative(offset)
-                .map_err(FormatError::io(&self.file, "seek"))?;
+            let offset = i64::try_from(bytes)
+                .map_err(|_| FormatError::corrupt(&self.file, "a position beyond any file is asked for"))?;
+            reader.seek_relative(offset).map_err(FormatError::io(&self.file, "seek"))?;
             *left -= bytes;
             progress.advance(bytes);
             return Ok(());
@@ -369,14 +308,8 @@ impl<'a> Stream<'a> {
         };
         Ok(match (trailing, stray) {
             (0, false) => None,
-            (0, true) => Some(format!(
-                "{}: bytes after the end of the gzip data are ignored",
-                self.file
-            )),
-            (n, _) => Some(format!(
-                "{}: {n} bytes after the last voxel are ignored",
-                self.file
-            )),
+            (0, true) => Some(format!("{}: bytes after the end of the gzip data are ignored", self.file)),
+            (n, _) => Some(format!("{}: {n} bytes after the last voxel are ignored", self.file)),
         })
     }
 

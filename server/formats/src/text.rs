@@ -27,11 +27,7 @@ pub(crate) struct TextReader {
 
 impl TextReader {
     pub(crate) fn new(reader: BufReader<File>, kind: TextKind) -> Self {
-        Self {
-            reader,
-            kind,
-            pending: Vec::with_capacity(8),
-        }
+        Self { reader, kind, pending: Vec::with_capacity(8) }
     }
 
     /// Next byte that is not white space; `None` at the end.
@@ -41,10 +37,7 @@ impl TextReader {
             if buffer.is_empty() {
                 return Ok(None);
             }
-            let blank = buffer
-                .iter()
-                .take_while(|b| b.is_ascii_whitespace())
-                .count();
+            let blank = buffer.iter().take_while(|b| b.is_ascii_whitespace()).count();
             let found = buffer.get(blank).copied();
             self.reader.consume(blank + usize::from(found.is_some()));
             if found.is_some() {
@@ -70,9 +63,7 @@ impl TextReader {
             let length = rest.iter().position(is_separator);
             let taken = &rest[..length.unwrap_or(rest.len())];
             if token.len() + taken.len() > MAX_TOKEN_CHARS {
-                return Err(invalid(format!(
-                    "a number of more than {MAX_TOKEN_CHARS} characters"
-                )));
+                return Err(invalid(format!("a number of more than {MAX_TOKEN_CHARS} characters")));
             }
             token.extend_from_slice(taken);
             let used = blank + taken.len();
@@ -90,9 +81,7 @@ impl TextReader {
                 let Some(high) = self.next_digit()? else {
                     return Ok(false);
                 };
-                let low = self
-                    .next_digit()?
-                    .ok_or_else(|| invalid("half a byte of hex".into()))?;
+                let low = self.next_digit()?.ok_or_else(|| invalid("half a byte of hex".into()))?;
                 self.pending.push(16 * hex_value(high)? + hex_value(low)?);
             }
             TextKind::Numbers(voxel_type) => {
@@ -131,12 +120,7 @@ fn hex_value(digit: u8) -> io::Result<u8> {
     char::from(digit)
         .to_digit(16)
         .and_then(|value| u8::try_from(value).ok())
-        .ok_or_else(|| {
-            invalid(format!(
-                "{:?} is not a hexadecimal digit",
-                char::from(digit)
-            ))
-        })
+        .ok_or_else(|| invalid(format!("{:?} is not a hexadecimal digit", char::from(digit))))
 }
 
 /// Parses one number and appends its little-endian bytes.

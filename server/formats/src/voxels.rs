@@ -89,9 +89,7 @@ pub(crate) fn check_axes(
         *dim = usize::try_from(size)
             .ok()
             .filter(|n| *n >= 1 && *n <= max as usize)
-            .ok_or_else(|| {
-                FormatError::field(file, field, size, format!("voxel counts from 1 to {max}"))
-            })?;
+            .ok_or_else(|| FormatError::field(file, field, size, format!("voxel counts from 1 to {max}")))?;
     }
     Ok(dims)
 }
@@ -118,30 +116,21 @@ impl Layout {
                 limit: MAX_COMPONENTS,
             });
         }
-        let product = |factors: &[u64]| {
-            factors
-                .iter()
-                .try_fold(1_u64, |product, factor| product.checked_mul(*factor))
-        };
+        let product =
+            |factors: &[u64]| factors.iter().try_fold(1_u64, |product, factor| product.checked_mul(*factor));
         let [x, y, z] = self.dims.map(|n| n as u64);
         let volume_bytes = product(&[x, y, z, self.components, type_bytes(self.voxel_type)]);
         let total_bytes = volume_bytes.and_then(|bytes| bytes.checked_mul(self.volumes));
         let in_memory = product(&[x, y, z, memory_bytes(self.voxel_type)]);
         let checked = |what, bytes: Option<u64>, limit| {
-            bytes
-                .filter(|n| *n <= limit)
-                .ok_or_else(|| FormatError::TooLarge {
-                    file: file.to_owned(),
-                    what,
-                    got: bytes.map_or("more than 2^64".to_owned(), |n| n.to_string()),
-                    limit,
-                })
+            bytes.filter(|n| *n <= limit).ok_or_else(|| FormatError::TooLarge {
+                file: file.to_owned(),
+                what,
+                got: bytes.map_or("more than 2^64".to_owned(), |n| n.to_string()),
+                limit,
+            })
         };
-        checked(
-            "bytes of voxels in memory",
-            in_memory,
-            limits.max_voxel_bytes,
-        )?;
+        checked("bytes of voxels in memory", in_memory, limits.max_voxel_bytes)?;
         let total_bytes = checked("bytes of voxels", total_bytes, limits.max_decoded_bytes)?;
 
         let choices = self.choices();
@@ -187,10 +176,7 @@ impl Layout {
         let mut progress = Progress::new(options.progress, size.total_bytes);
         stream.skip(size.volume * size.volume_bytes, &mut progress)?;
         let voxels = self.read_volume(size, stream, &mut progress, notices)?;
-        stream.skip(
-            (self.volumes - 1 - size.volume) * size.volume_bytes,
-            &mut progress,
-        )?;
+        stream.skip((self.volumes - 1 - size.volume) * size.volume_bytes, &mut progress)?;
         notices.extend(stream.finish()?);
         Ok(voxels)
     }
@@ -202,12 +188,7 @@ impl Layout {
         progress: &mut Progress<'_>,
         notices: &mut Vec<String>,
     ) -> Result<Voxels, FormatError> {
-        let mut source = Source {
-            layout: self,
-            size,
-            stream,
-            progress,
-        };
+        let mut source = Source { layout: self, size, stream, progress };
         let big = self.endian == Endian::Big;
         let mut inexact = 0_u64;
         // Reads values of a type and converts each with the closure.
@@ -283,9 +264,7 @@ impl Source<'_, '_, '_> {
         // Both factors are bounded: MAX_COMPONENTS and 8 bytes.
         let voxel_bytes = self.layout.components as usize * N;
         let offset = self.size.component as usize * N;
-        let chunk_voxels = (CHUNK_BYTES as usize / voxel_bytes)
-            .max(1)
-            .min(self.size.voxels);
+        let chunk_voxels = (CHUNK_BYTES as usize / voxel_bytes).max(1).min(self.size.voxels);
         let mut buffer = vec![0; chunk_voxels * voxel_bytes];
         while values.len() < self.size.voxels {
             let voxels = chunk_voxels.min(self.size.voxels - values.len());
@@ -313,14 +292,10 @@ fn replace_non_finite(values: &mut [f32]) -> Option<String> {
     let (bad, smallest) = values
         .par_chunks(PARALLEL_CHUNK)
         .map(|chunk| {
-            chunk
-                .iter()
-                .fold((0_u64, f32::INFINITY), |(bad, smallest), v| {
-                    match v.is_finite() {
-                        true => (bad, smallest.min(*v)),
-                        false => (bad + 1, smallest),
-                    }
-                })
+            chunk.iter().fold((0_u64, f32::INFINITY), |(bad, smallest), v| match v.is_finite() {
+                true => (bad, smallest.min(*v)),
+                false => (bad + 1, smallest),
+            })
         })
         .reduce(|| (0, f32::INFINITY), |a, b| (a.0 + b.0, a.1.min(b.1)));
     if bad == 0 {

@@ -43,11 +43,7 @@ pub(super) fn recognise(start: &[u8]) -> Option<Kind> {
             b"ni1\0" => true,
             _ => return None,
         };
-        return Some(Kind {
-            is_nifti2: false,
-            endian,
-            is_pair,
-        });
+        return Some(Kind { is_nifti2: false, endian, is_pair });
     }
     let endian = is(NIFTI2_BYTES)?;
     let is_pair = match start.get(4..12)? {
@@ -55,11 +51,7 @@ pub(super) fn recognise(start: &[u8]) -> Option<Kind> {
         b"ni2\0\r\n\x1a\n" => true,
         _ => return None,
     };
-    Some(Kind {
-        is_nifti2: true,
-        endian,
-        is_pair,
-    })
+    Some(Kind { is_nifti2: true, endian, is_pair })
 }
 
 /// Fields that are used, names as in the standard.
@@ -137,15 +129,8 @@ impl Header {
         if kind.is_nifti2 {
             stream.read_exact(&mut bytes[NIFTI1_BYTES..])?;
         }
-        let bytes = Bytes {
-            bytes: &bytes,
-            big: kind.endian == Endian::Big,
-        };
-        if kind.is_nifti2 {
-            Self::nifti2(&file, kind, &bytes)
-        } else {
-            Self::nifti1(&file, kind, &bytes)
-        }
+        let bytes = Bytes { bytes: &bytes, big: kind.endian == Endian::Big };
+        if kind.is_nifti2 { Self::nifti2(&file, kind, &bytes) } else { Self::nifti1(&file, kind, &bytes) }
     }
 
     fn nifti1(file: &str, kind: Kind, bytes: &Bytes<'_>) -> Result<Self, FormatError> {
@@ -212,26 +197,13 @@ impl Header {
         stream: &mut Stream<'_>,
         options: &ReadOptions<'_>,
     ) -> Result<(), FormatError> {
-        let header_bytes = if self.is_nifti2 {
-            NIFTI2_BYTES
-        } else {
-            NIFTI1_BYTES
-        } as u64;
+        let header_bytes = if self.is_nifti2 { NIFTI2_BYTES } else { NIFTI1_BYTES } as u64;
         let first = header_bytes + EXTENDER_BYTES;
         // 0 is what careless writers leave there; nothing else can lie before the voxels.
-        let offset = if self.vox_offset == 0 {
-            first
-        } else {
-            self.vox_offset
-        };
+        let offset = if self.vox_offset == 0 { first } else { self.vox_offset };
         if offset < header_bytes {
             let expected = format!("at least {first}, the end of the header");
-            return Err(FormatError::field(
-                &stream.file,
-                "vox_offset",
-                offset,
-                expected,
-            ));
+            return Err(FormatError::field(&stream.file, "vox_offset", offset, expected));
         }
         let mut position = header_bytes;
         if offset >= first {
@@ -265,23 +237,17 @@ impl Header {
             .ok()
             .filter(|bytes| (EXTENSION_HEAD_BYTES..=limit).contains(bytes))
             .ok_or_else(|| {
-                let expected = format!(
-                    "a size from {EXTENSION_HEAD_BYTES} to {limit}, the room before the voxels"
-                );
-                FormatError::field(&stream.file, "extension esize", size, expected)
-            })?;
+            let expected =
+                format!("a size from {EXTENSION_HEAD_BYTES} to {limit}, the room before the voxels");
+            FormatError::field(&stream.file, "extension esize", size, expected)
+        })?;
         stream.skip(bytes - EXTENSION_HEAD_BYTES, &mut Progress::new(&|_| {}, 1))?;
         Ok(bytes)
     }
 }
 
 fn bad_offset(file: &str, got: impl std::fmt::Display) -> FormatError {
-    FormatError::field(
-        file,
-        "vox_offset",
-        got,
-        "a whole number of bytes inside the file",
-    )
+    FormatError::field(file, "vox_offset", got, "a whole number of bytes inside the file")
 }
 
 /// Says which of the two marks of a header is wrong.
@@ -291,11 +257,7 @@ fn not_recognised(file: &str, bytes: &[u8; NIFTI2_BYTES]) -> FormatError {
     let sizes = [NIFTI1_BYTES as i32, NIFTI2_BYTES as i32];
     if sizes.contains(&little) || sizes.contains(&big) {
         let is_first = little == sizes[0] || big == sizes[0];
-        let magic = if is_first {
-            &bytes[344..348]
-        } else {
-            &bytes[4..12]
-        };
+        let magic = if is_first { &bytes[344..348] } else { &bytes[4..12] };
         let expected = "n+1 or ni1 (NIfTI-1), or n+2 or ni2 (NIfTI-2); ANALYZE files without a \
                         magic are not read, as they do not say where left is";
         return FormatError::field(file, "magic", String::from_utf8_lossy(magic), expected);

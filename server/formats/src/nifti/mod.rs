@@ -45,19 +45,13 @@ pub(crate) fn read(path: &Path, options: &ReadOptions<'_>) -> Result<Imported, F
     let datatype = datatype(&file, header.datatype)?;
 
     // Axes: the first three are space, the others count volumes.
-    let rank = usize::try_from(header.dim[0])
-        .ok()
-        .filter(|rank| (1..=7).contains(rank));
+    let rank = usize::try_from(header.dim[0]).ok().filter(|rank| (1..=7).contains(rank));
     let Some(rank) = rank else {
         let expected = "a number of axes from 1 to 7";
         return Err(FormatError::field(&file, "dim[0]", header.dim[0], expected));
     };
     let size_of = |axis: usize| {
-        if axis <= rank {
-            i128::from(header.dim[axis])
-        } else {
-            1
-        }
+        if axis <= rank { i128::from(header.dim[axis]) } else { 1 }
     };
     let dims = check_axes(&file, "dim", [1, 2, 3].map(size_of), &options.limits)?;
     let mut volumes = 1_u64;
@@ -81,11 +75,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions<'_>) -> Result<Imported, F
     let size = layout.check(&file, options, &mut notices)?;
     if datatype.components > 1 {
         let component = u64::from(options.index.unwrap_or(0)) % datatype.components;
-        let name = datatype
-            .names
-            .get(component as usize)
-            .copied()
-            .unwrap_or("first");
+        let name = datatype.names.get(component as usize).copied().unwrap_or("first");
         notices.push(format!(
             "voxels of {} components ({}): the {name} component is read",
             datatype.components,
@@ -134,12 +124,7 @@ fn skip_to_voxels(
     let rest = offset.saturating_sub(done);
     if rest > stream.at_most() {
         let expected = "a position inside the file";
-        return Err(FormatError::field(
-            &stream.file,
-            "vox_offset",
-            offset,
-            expected,
-        ));
+        return Err(FormatError::field(&stream.file, "vox_offset", offset, expected));
     }
     let limit = options.limits.max_header_bytes;
     if offset > limit {
@@ -186,11 +171,7 @@ fn datatype(file: &str, code: i16) -> Result<Datatype, FormatError> {
             return Err(FormatError::field(file, "datatype", code, expected));
         }
     };
-    Ok(Datatype {
-        voxel_type,
-        components: names.len().max(1) as u64,
-        names,
-    })
+    Ok(Datatype { voxel_type, components: names.len().max(1) as u64, names })
 }
 
 /// Slope and intercept, where they are set and lead to finite data values.
@@ -216,11 +197,7 @@ fn header_path(path: &Path) -> Result<PathBuf, FormatError> {
         None => Ok(path.to_owned()),
         Some(found) => found.ok_or_else(|| {
             let file = file_name(path);
-            FormatError::missing(
-                &file,
-                "header",
-                "the .hdr file of the pair in the same folder",
-            )
+            FormatError::missing(&file, "header", "the .hdr file of the pair in the same folder")
         }),
     }
 }
@@ -233,16 +210,9 @@ fn image_path(header_path: &Path, options: &ReadOptions<'_>) -> Result<PathBuf, 
     let path = other_of_pair(header_path, "hdr", "img")
         .flatten()
         .ok_or_else(|| FormatError::missing(&file, "voxels", expected))?;
-    let is_link = path
-        .symlink_metadata()
-        .is_ok_and(|m| m.file_type().is_symlink());
+    let is_link = path.symlink_metadata().is_ok_and(|m| m.file_type().is_symlink());
     if options.siblings_only && is_link {
-        return Err(FormatError::field(
-            &file,
-            "voxels",
-            file_name(&path),
-            "a file, not a link",
-        ));
+        return Err(FormatError::field(&file, "voxels", file_name(&path), "a file, not a link"));
     }
     Ok(path)
 }
@@ -253,19 +223,7 @@ fn other_of_pair(path: &Path, from: &str, to: &str) -> Option<Option<PathBuf>> {
     let name = path.file_name()?.to_str()?;
     let lower = name.to_lowercase();
     let bare = lower.strip_suffix(".gz").unwrap_or(&lower);
-    let stem = name
-        .get(..bare.strip_suffix(from)?.len())
-        .filter(|stem| stem.ends_with('.'))?;
-    let endings = [
-        to.to_owned(),
-        format!("{to}.gz"),
-        to.to_uppercase(),
-        format!("{to}.GZ"),
-    ];
-    Some(
-        endings
-            .iter()
-            .map(|end| path.with_file_name(format!("{stem}{end}")))
-            .find(|p| p.is_file()),
-    )
+    let stem = name.get(..bare.strip_suffix(from)?.len()).filter(|stem| stem.ends_with('.'))?;
+    let endings = [to.to_owned(), format!("{to}.gz"), to.to_uppercase(), format!("{to}.GZ")];
+    Some(endings.iter().map(|end| path.with_file_name(format!("{stem}{end}"))).find(|p| p.is_file()))
 }

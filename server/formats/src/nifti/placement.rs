@@ -12,11 +12,7 @@ const NOTABLE_DIFFERENCE: f64 = 1e-3;
 const NOTABLE_SHIFT: f64 = 0.5;
 
 /// Spacing of the file's axes, and their place if the file gives one that can be used.
-pub(super) fn place(
-    header: &Header,
-    dims: [usize; 3],
-    notices: &mut Vec<String>,
-) -> (Vec3, Option<Affine>) {
+pub(super) fn place(header: &Header, dims: [usize; 3], notices: &mut Vec<String>) -> (Vec3, Option<Affine>) {
     let spacing = pixdim_spacing(header, dims, notices);
     let sform = (header.sform_code > 0).then(|| sform(header, spacing));
     let qform = (header.qform_code > 0).then(|| qform(header, spacing));
@@ -45,10 +41,7 @@ fn pixdim_spacing(header: &Header, dims: [usize; 3], notices: &mut Vec<String>) 
         let stated = header.pixdim[axis + 1];
         if spacing_is_usable(stated.abs()) {
             if stated < 0.0 {
-                notices.push(format!(
-                    "pixdim[{}] is {stated}: its size is taken",
-                    axis + 1
-                ));
+                notices.push(format!("pixdim[{}] is {stated}: its size is taken", axis + 1));
             }
             return stated.abs();
         }
@@ -86,22 +79,9 @@ fn qform(header: &Header, spacing: Vec3) -> Option<Affine> {
     let [a, b, c, d] = [a, b, c, d].map(|q| q / length);
     let handedness = if header.pixdim[0] < 0.0 { -1.0 } else { 1.0 };
     let axes = [
-        [
-            a * a + b * b - c * c - d * d,
-            2.0 * (b * c + a * d),
-            2.0 * (b * d - a * c),
-        ],
-        [
-            2.0 * (b * c - a * d),
-            a * a + c * c - b * b - d * d,
-            2.0 * (c * d + a * b),
-        ],
-        [
-            2.0 * (b * d + a * c),
-            2.0 * (c * d - a * b),
-            a * a + d * d - b * b - c * c,
-        ]
-        .map(|v| handedness * v),
+        [a * a + b * b - c * c - d * d, 2.0 * (b * c + a * d), 2.0 * (b * d - a * c)],
+        [2.0 * (b * c - a * d), a * a + c * c - b * b - d * d, 2.0 * (c * d + a * b)],
+        [2.0 * (b * d + a * c), 2.0 * (c * d - a * b), a * a + d * d - b * b - c * c].map(|v| handedness * v),
     ];
     let columns = [0, 1, 2].map(|axis: usize| turn(axes[axis].map(|v| v * spacing[axis])));
     let mut affine = Affine::from_columns(columns, turn(header.qoffset))?;
@@ -114,8 +94,7 @@ fn differ(a: &Affine, b: &Affine) -> bool {
     let turned = (0..3).any(|axis| {
         crate::orientation::dot(a.directions[axis], b.directions[axis]) < 1.0 - NOTABLE_DIFFERENCE
     });
-    let stretched = (0..3).any(|axis| {
-        (a.spacing[axis] - b.spacing[axis]).abs() > NOTABLE_DIFFERENCE * a.spacing[axis]
-    });
+    let stretched =
+        (0..3).any(|axis| (a.spacing[axis] - b.spacing[axis]).abs() > NOTABLE_DIFFERENCE * a.spacing[axis]);
     shift > NOTABLE_SHIFT || turned || stretched
 }

@@ -37,31 +37,18 @@ enum ByteSkip {
 impl<'a> Source<'a> {
     /// Opens the data as one stream of `total_bytes` decoded bytes, of which it is certain that
     /// they can come. `attached` stands behind the header.
-    pub(super) fn open(
-        self,
-        attached: Stream<'a>,
-        total_bytes: u64,
-    ) -> Result<Stream<'a>, FormatError> {
+    pub(super) fn open(self, attached: Stream<'a>, total_bytes: u64) -> Result<Stream<'a>, FormatError> {
         let Some(value) = self.header.get("datafile") else {
             return self.decode(attached, total_bytes);
         };
         let names = self.data_files(value)?;
         let count = names.len() as u64;
         if count == 0 || !total_bytes.is_multiple_of(count) {
-            let expected =
-                format!("a number of files that divides the {total_bytes} bytes of data");
+            let expected = format!("a number of files that divides the {total_bytes} bytes of data");
             let got = format!("{count} files");
-            return Err(FormatError::field(
-                &self.header.file,
-                "data file",
-                got,
-                expected,
-            ));
+            return Err(FormatError::field(&self.header.file, "data file", got, expected));
         }
-        let paths: Vec<PathBuf> = names
-            .iter()
-            .map(|name| self.resolve(name))
-            .collect::<Result<_, _>>()?;
+        let paths: Vec<PathBuf> = names.iter().map(|name| self.resolve(name)).collect::<Result<_, _>>()?;
         let part_bytes = total_bytes / count;
         if let [path] = paths.as_slice() {
             return self.decode(Stream::open(path)?, part_bytes);
@@ -72,17 +59,9 @@ impl<'a> Source<'a> {
         let file = self.header.file.clone();
         let open = move |part: usize| match paths.get(part) {
             Some(path) => self.decode(Stream::open(path)?, part_bytes),
-            None => Err(FormatError::corrupt(
-                &self.header.file,
-                "a data file is missing",
-            )),
+            None => Err(FormatError::corrupt(&self.header.file, "a data file is missing")),
         };
-        Ok(Stream::parts(
-            file,
-            count as usize,
-            part_bytes,
-            Box::new(open),
-        ))
+        Ok(Stream::parts(file, count as usize, part_bytes, Box::new(open)))
     }
 
     /// Applies skips and encoding to one file, and makes sure that it can hold the bytes.
@@ -104,10 +83,7 @@ impl<'a> Source<'a> {
         }
         let kind = match self.encoding {
             Encoding::Raw | Encoding::Gzip => None,
-            Encoding::Ascii => Some((
-                TextKind::Numbers(self.voxel_type),
-                type_bytes(self.voxel_type),
-            )),
+            Encoding::Ascii => Some((TextKind::Numbers(self.voxel_type), type_bytes(self.voxel_type))),
             Encoding::Hex => Some((TextKind::Hex, 1)),
         };
         if let Some((kind, bytes_per_pair)) = kind {
@@ -123,12 +99,7 @@ impl<'a> Source<'a> {
         }
         if self.encoding != Encoding::Raw {
             let expected = "-1 with the encoding raw only";
-            return Err(FormatError::field(
-                &self.header.file,
-                "byte skip",
-                "-1",
-                expected,
-            ));
+            return Err(FormatError::field(&self.header.file, "byte skip", "-1", expected));
         }
         Ok(ByteSkip::FromEnd)
     }
@@ -138,11 +109,7 @@ impl<'a> Source<'a> {
             return Ok(0);
         };
         text.parse().map_err(|_| {
-            let or_end = if name == "byteskip" {
-                ", or -1 for the end of the file"
-            } else {
-                ""
-            };
+            let or_end = if name == "byteskip" { ", or -1 for the end of the file" } else { "" };
             let expected = format!("a whole number of at least 0{or_end}");
             FormatError::field(&self.header.file, shown_name, text, expected)
         })
@@ -169,24 +136,19 @@ impl<'a> Source<'a> {
         if !value.contains('%') || numbers.len() < 3 || numbers.len() + 1 != words.len() {
             return Ok(vec![value.to_owned()]);
         }
-        let error =
-            |expected: &str| FormatError::field(&self.header.file, "data file", value, expected);
+        let error = |expected: &str| FormatError::field(&self.header.file, "data file", value, expected);
         let pattern = Pattern::parse(words[0])
             .ok_or_else(|| error("a pattern with one number, like slice%03d.raw 1 20 1"))?;
         let (first, last, step) = (numbers[0], numbers[1], numbers[2]);
         let span = i128::from(last) - i128::from(first);
         if step == 0 || span.signum() * i128::from(step).signum() < 0 {
-            return Err(error(
-                "first, last and a step that leads from one to the other",
-            ));
+            return Err(error("first, last and a step that leads from one to the other"));
         }
         let count = span / i128::from(step) + 1;
         if count > MAX_DATA_FILES as i128 {
             return Err(too_many(count.to_string()));
         }
-        Ok((0..count)
-            .map(|i| pattern.name(i128::from(first) + i * i128::from(step)))
-            .collect())
+        Ok((0..count).map(|i| pattern.name(i128::from(first) + i * i128::from(step))).collect())
     }
 
     /// Path of a data file, which must be another one than the header.
@@ -204,21 +166,14 @@ impl<'a> Source<'a> {
         let folder = self.path.parent().unwrap_or(Path::new(""));
         let path = folder.join(relative);
         if self.options.siblings_only {
-            let mut components = relative
-                .components()
-                .filter(|part| !matches!(part, Component::CurDir));
-            let is_plain = matches!(
-                (components.next(), components.next()),
-                (Some(Component::Normal(_)), None)
-            );
+            let mut components = relative.components().filter(|part| !matches!(part, Component::CurDir));
+            let is_plain =
+                matches!((components.next(), components.next()), (Some(Component::Normal(_)), None));
             if !is_plain || name.contains('\\') {
                 let expected = "the plain name of a file in the same folder as the header";
                 return Err(error(quoted(name), expected));
             }
-            if path
-                .symlink_metadata()
-                .is_ok_and(|m| m.file_type().is_symlink())
-            {
+            if path.symlink_metadata().is_ok_and(|m| m.file_type().is_symlink()) {
                 let expected = "a file, not a link, in the same folder as the header";
                 return Err(error(quoted(name), expected));
             }
@@ -227,11 +182,7 @@ impl<'a> Source<'a> {
             let expected = "the name of a file that comes with the header";
             error(format!("{} ({e})", quoted(name)), expected)
         })?;
-        if self
-            .path
-            .canonicalize()
-            .is_ok_and(|header| header == target)
-        {
+        if self.path.canonicalize().is_ok_and(|header| header == target) {
             return Err(error(quoted(name), "another file than the header itself"));
         }
         Ok(path)
@@ -253,26 +204,12 @@ impl<'a> Pattern<'a> {
         if !digits.bytes().all(|b| b.is_ascii_digit()) || after.contains('%') {
             return None;
         }
-        let width = if digits.is_empty() {
-            0
-        } else {
-            digits.parse().ok()?
-        };
-        (width <= MAX_PATTERN_WIDTH).then_some(Self {
-            before,
-            zeros: digits.starts_with('0'),
-            width,
-            after,
-        })
+        let width = if digits.is_empty() { 0 } else { digits.parse().ok()? };
+        (width <= MAX_PATTERN_WIDTH).then_some(Self { before, zeros: digits.starts_with('0'), width, after })
     }
 
     fn name(&self, number: i128) -> String {
-        let Self {
-            before,
-            zeros,
-            width,
-            after,
-        } = self;
+        let Self { before, zeros, width, after } = self;
         match zeros {
             true => format!("{before}{number:0width$}{after}"),
             false => format!("{before}{number:width$}{after}"),

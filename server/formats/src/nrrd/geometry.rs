@@ -40,9 +40,7 @@ pub(super) fn axes(
     let (first, last) = (spatial[0], spatial[spatial.len() - 1]);
     let count = |axes: &[i128]| {
         axes.iter()
-            .try_fold(1_u64, |product, size| {
-                product.checked_mul(u64::try_from(*size).ok()?)
-            })
+            .try_fold(1_u64, |product, size| product.checked_mul(u64::try_from(*size).ok()?))
             .ok_or_else(|| FormatError::field(&header.file, "sizes", format!("{sizes:?}"), "less"))
     };
     if spatial.len() < 3 {
@@ -61,11 +59,7 @@ pub(super) fn axes(
         affine,
     };
     stored.check_spacing(&header.file, "spacings")?;
-    Ok(Axes {
-        stored,
-        components: count(&sizes[..first])?,
-        volumes: count(&sizes[last + 1..])?,
-    })
+    Ok(Axes { stored, components: count(&sizes[..first])?, volumes: count(&sizes[last + 1..])? })
 }
 
 fn space(header: &Header) -> Result<Option<Space>, FormatError> {
@@ -78,9 +72,7 @@ fn space(header: &Header) -> Result<Option<Space>, FormatError> {
             .parse()
             .ok()
             .filter(|d| (1..=3).contains(d))
-            .ok_or_else(|| {
-                FormatError::field(&header.file, "space dimension", text, "1, 2 or 3")
-            })?;
+            .ok_or_else(|| FormatError::field(&header.file, "space dimension", text, "1, 2 or 3"))?;
         return Ok(Some(Space::Other(dimension)));
     };
     let lower = name.to_lowercase();
@@ -114,8 +106,7 @@ fn directions(
     let Some(text) = header.get("spacedirections") else {
         return Ok(None);
     };
-    let expected =
-        format!("{dimension} vectors like (1,0,0), or `none` for axes that are not space");
+    let expected = format!("{dimension} vectors like (1,0,0), or `none` for axes that are not space");
     let error = || FormatError::field(&header.file, "space directions", text, &expected);
     let space_dimension = match space {
         Some(Space::Anatomical(_)) => 3,
@@ -166,10 +157,7 @@ fn spatial_axes(
     let is_space: Vec<bool> = if let Some(directions) = directions {
         directions.iter().map(Option::is_some).collect()
     } else if let Some(kinds) = header.per_axis("kinds", dimension)? {
-        kinds
-            .iter()
-            .map(|kind| is_spatial_kind(kind, dimension))
-            .collect()
+        kinds.iter().map(|kind| is_spatial_kind(kind, dimension)).collect()
     } else if dimension <= 3 {
         vec![true; dimension]
     } else {
@@ -182,20 +170,13 @@ fn spatial_axes(
             first + 1,
             first + 3
         ));
-        (0..dimension)
-            .map(|axis| (first..first + 3).contains(&axis))
-            .collect()
+        (0..dimension).map(|axis| (first..first + 3).contains(&axis)).collect()
     };
     let spatial: Vec<usize> = (0..dimension).filter(|axis| is_space[*axis]).collect();
     if !(2..=3).contains(&spatial.len()) {
         let expected = "two or three axes of space, the rest components or volumes";
         let got = format!("{} of {dimension} axes", spatial.len());
-        return Err(FormatError::field(
-            &header.file,
-            "kinds or space directions",
-            got,
-            expected,
-        ));
+        return Err(FormatError::field(&header.file, "kinds or space directions", got, expected));
     }
     if spatial[spatial.len() - 1] - spatial[0] != spatial.len() - 1 {
         return Err(FormatError::unsupported(
@@ -250,9 +231,7 @@ fn steps(
         Some(text) => parse_vector(text, 3)
             .map(|(vector, _)| vector)
             .filter(|vector| vector.iter().all(|c| c.is_finite()))
-            .ok_or_else(|| {
-                FormatError::field(&header.file, "space origin", text, "a vector like (0,0,0)")
-            })?,
+            .ok_or_else(|| FormatError::field(&header.file, "space origin", text, "a vector like (0,0,0)"))?,
     };
     let affine = Affine::from_columns(columns.map(turn), turn(origin)).ok_or_else(|| {
         let text = header.get("spacedirections").unwrap_or_default();
@@ -307,29 +286,16 @@ fn spacings(
 
 /// The unit of length, where all spatial axes agree on one.
 fn spacing_unit(header: &Header, spatial: &[usize]) -> Option<String> {
-    let quoted_words = |text: &str| -> Vec<String> {
-        text.split('"')
-            .skip(1)
-            .step_by(2)
-            .map(str::to_owned)
-            .collect()
-    };
+    let quoted_words =
+        |text: &str| -> Vec<String> { text.split('"').skip(1).step_by(2).map(str::to_owned).collect() };
     let units: Vec<String> = if let Some(text) = header.get("spaceunits") {
         quoted_words(text)
     } else {
         let all = quoted_words(header.get("units")?);
-        spatial
-            .iter()
-            .filter_map(|axis| all.get(*axis).cloned())
-            .collect()
+        spatial.iter().filter_map(|axis| all.get(*axis).cloned()).collect()
     };
-    let first = units
-        .first()
-        .filter(|unit| !matches!(unit.trim(), "" | "???" | "none"))?;
-    units
-        .iter()
-        .all(|unit| unit == first)
-        .then(|| first.chars().take(MAX_UNIT_CHARS).collect())
+    let first = units.first().filter(|unit| !matches!(unit.trim(), "" | "???" | "none"))?;
+    units.iter().all(|unit| unit == first).then(|| first.chars().take(MAX_UNIT_CHARS).collect())
 }
 
 /// Longest unit that is kept, in characters.

@@ -63,10 +63,7 @@ pub(super) struct Header {
 }
 
 /// Reads the header and returns what follows it.
-pub(super) fn read<'a>(
-    path: &Path,
-    options: &ReadOptions<'_>,
-) -> Result<(Header, Stream<'a>), FormatError> {
+pub(super) fn read<'a>(path: &Path, options: &ReadOptions<'_>) -> Result<(Header, Stream<'a>), FormatError> {
     let mut stream = Stream::open(path)?;
     let file = stream.file.clone();
     let mut left = options.limits.max_header_bytes;
@@ -77,12 +74,7 @@ pub(super) fn read<'a>(
         let expected = "NRRD0001 to NRRD0005 at the start of the file";
         return Err(FormatError::field(&file, "magic", got, expected));
     }
-    let mut header = Header {
-        file,
-        fields: BTreeMap::new(),
-        listed_files: Vec::new(),
-        notices: Vec::new(),
-    };
+    let mut header = Header { file, fields: BTreeMap::new(), listed_files: Vec::new(), notices: Vec::new() };
     loop {
         let Some(line) = stream.read_line(left)? else {
             // A detached header may end with the file; an attached one has no data then.
@@ -90,11 +82,7 @@ pub(super) fn read<'a>(
                 break;
             }
             let expected = "a blank line between the fields and the data";
-            return Err(FormatError::missing(
-                &header.file,
-                "end of header",
-                expected,
-            ));
+            return Err(FormatError::missing(&header.file, "end of header", expected));
         };
         left = left.saturating_sub(line.len() as u64 + 1);
         if line.is_empty() {
@@ -116,12 +104,7 @@ impl Header {
         }
         let Some((name, value)) = line.split_once(':') else {
             let expected = "`field: value`, `key:=value` or `# comment`";
-            return Err(FormatError::field(
-                &self.file,
-                "header line",
-                line,
-                expected,
-            ));
+            return Err(FormatError::field(&self.file, "header line", line, expected));
         };
         if value.starts_with('=') {
             return Ok(());
@@ -131,23 +114,11 @@ impl Header {
             return Ok(());
         }
         if !USED.contains(&name.as_str()) {
-            self.notices.push(format!(
-                "the unknown header field {} is ignored",
-                quoted(&name)
-            ));
+            self.notices.push(format!("the unknown header field {} is ignored", quoted(&name)));
             return Ok(());
         }
-        if self
-            .fields
-            .insert(name.clone(), value.trim().to_owned())
-            .is_some()
-        {
-            return Err(FormatError::field(
-                &self.file,
-                name,
-                "a second value",
-                "one value",
-            ));
+        if self.fields.insert(name.clone(), value.trim().to_owned()).is_some() {
+            return Err(FormatError::field(&self.file, name, "a second value", "one value"));
         }
         Ok(())
     }
@@ -158,40 +129,30 @@ impl Header {
     }
 
     pub(super) fn required(&self, name: &str, expected: &str) -> Result<&str, FormatError> {
-        self.get(name)
-            .ok_or_else(|| FormatError::missing(&self.file, name, expected))
+        self.get(name).ok_or_else(|| FormatError::missing(&self.file, name, expected))
     }
 
     /// The axis lengths; at least one, at most 16 of them.
     pub(super) fn sizes(&self) -> Result<Vec<i128>, FormatError> {
         let text = self.required("dimension", "the number of axes")?;
-        let dimension: usize = text
-            .parse()
-            .ok()
-            .filter(|d| (1..=MAX_DIMENSION).contains(d))
-            .ok_or_else(|| {
+        let dimension: usize =
+            text.parse().ok().filter(|d| (1..=MAX_DIMENSION).contains(d)).ok_or_else(|| {
                 let expected = format!("a number of axes from 1 to {MAX_DIMENSION}");
                 FormatError::field(&self.file, "dimension", text, expected)
             })?;
         let text = self.required("sizes", "the length of each axis")?;
-        let sizes: Option<Vec<i128>> = text
-            .split_whitespace()
-            .map(|size| size.parse::<u64>().ok().map(i128::from))
-            .collect();
-        sizes
-            .filter(|sizes| sizes.len() == dimension && sizes.iter().all(|size| *size >= 1))
-            .ok_or_else(|| {
+        let sizes: Option<Vec<i128>> =
+            text.split_whitespace().map(|size| size.parse::<u64>().ok().map(i128::from)).collect();
+        sizes.filter(|sizes| sizes.len() == dimension && sizes.iter().all(|size| *size >= 1)).ok_or_else(
+            || {
                 let expected = format!("{dimension} whole numbers of at least 1, one per axis");
                 FormatError::field(&self.file, "sizes", text, expected)
-            })
+            },
+        )
     }
 
     /// One value per axis of a field with white space between values.
-    pub(super) fn per_axis(
-        &self,
-        name: &str,
-        dimension: usize,
-    ) -> Result<Option<Vec<&str>>, FormatError> {
+    pub(super) fn per_axis(&self, name: &str, dimension: usize) -> Result<Option<Vec<&str>>, FormatError> {
         let Some(text) = self.get(name) else {
             return Ok(None);
         };

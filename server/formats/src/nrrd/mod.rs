@@ -43,13 +43,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions<'_>) -> Result<Imported, F
         volumes: axes.volumes,
     };
     let size = layout.check(&header.file, options, &mut notices)?;
-    let source = data::Source {
-        path,
-        header: &header,
-        encoding,
-        voxel_type,
-        options,
-    };
+    let source = data::Source { path, header: &header, encoding, voxel_type, options };
     let mut stream = source.open(rest, size.total_bytes)?;
     let voxels = layout.read(&size, &mut stream, options, &mut notices)?;
     Ok(Imported {
@@ -66,12 +60,8 @@ fn voxel_type(header: &Header) -> Result<VoxelType, FormatError> {
     Ok(match name.to_lowercase().as_str() {
         "signed char" | "int8" | "int8_t" => VoxelType::Int8,
         "uchar" | "unsigned char" | "uint8" | "uint8_t" => VoxelType::Uint8,
-        "short" | "short int" | "signed short" | "signed short int" | "int16" | "int16_t" => {
-            VoxelType::Int16
-        }
-        "ushort" | "unsigned short" | "unsigned short int" | "uint16" | "uint16_t" => {
-            VoxelType::Uint16
-        }
+        "short" | "short int" | "signed short" | "signed short int" | "int16" | "int16_t" => VoxelType::Int16,
+        "ushort" | "unsigned short" | "unsigned short int" | "uint16" | "uint16_t" => VoxelType::Uint16,
         "int" | "signed int" | "int32" | "int32_t" => VoxelType::Int32,
         "uint" | "unsigned int" | "uint32" | "uint32_t" => VoxelType::Uint32,
         "longlong"
@@ -113,20 +103,11 @@ fn encoding(header: &Header) -> Result<Encoding, FormatError> {
             "the encoding bzip2",
             "write the file with gzip, for example `unu save -f nrrd -e gzip -i in.nrrd -o out.nrrd`",
         )),
-        _ => Err(FormatError::field(
-            &header.file,
-            "encoding",
-            name,
-            "raw, gzip, ascii or hex",
-        )),
+        _ => Err(FormatError::field(&header.file, "encoding", name, "raw, gzip, ascii or hex")),
     }
 }
 
-fn endian(
-    header: &Header,
-    voxel_type: VoxelType,
-    encoding: Encoding,
-) -> Result<Endian, FormatError> {
+fn endian(header: &Header, voxel_type: VoxelType, encoding: Encoding) -> Result<Endian, FormatError> {
     let expected = "little or big, needed for voxels of more than one byte";
     match header.get("endian").map(str::to_lowercase).as_deref() {
         // Numbers in text have no byte order; the text reader hands them over as little-endian.

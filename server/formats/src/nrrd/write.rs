@@ -65,17 +65,13 @@ fn header(volume: &Volume, scaled: bool) -> String {
     };
     let vector = |[a, b, c]: [f64; 3]| format!("({a},{b},{c})");
     let unit = volume.spacing_unit.as_ref().map(|unit| {
-        let unit: String = unit
-            .chars()
-            .filter(|c| !c.is_control() && *c != '"')
-            .collect();
+        let unit: String = unit.chars().filter(|c| !c.is_control() && *c != '"').collect();
         format!("\"{unit}\" \"{unit}\" \"{unit}\"")
     });
     let mut text = format!("NRRD0004\ntype: {voxel_type}\ndimension: 3\n");
     // Writing to a string cannot fail.
     if let Some(orientation) = &volume.orientation {
-        let step =
-            |axis: usize| vector(orientation.lps_from_grid[axis].map(|c| c * volume.spacing[axis]));
+        let step = |axis: usize| vector(orientation.lps_from_grid[axis].map(|c| c * volume.spacing[axis]));
         let _ = write!(
             text,
             "space: left-posterior-superior\nsizes: {x} {y} {z}\nspace directions: {} {} {}\n\
