@@ -21,6 +21,7 @@ install_packages() { # FOLDER
   if [ -f "$note" ] && [ "$(cat "$note")" = "$key" ]; then return; fi
   say "$1: installing its packages"
   npm --prefix "$1" ci --no-audit --no-fund --no-update-notifier
+  mkdir -p "$1/node_modules" # absent if there was nothing to install
   printf '%s\n' "$key" >"$note"
 }
 

@@ -63,7 +63,7 @@ find_missing() {
       mesa-vulkan-drivers mesa-vulkan-drivers vulkan-swrast
   fi
   if ! node_is_new_enough; then
-    missing "Node $MIN_NODE or newer" "builds the web client" nodejs nodejs nodejs
+    missing "Node $MIN_NODE or newer$(have node && printf ' (%s is %s)' "$(command -v node)" "$(node_version)")" "builds the web client" nodejs nodejs nodejs
   fi
   if ! have npm; then missing "npm" "builds the web client" npm nodejs-npm npm; fi
   if [ "$LEVEL" = test ] && ! find_chromium >/dev/null; then
@@ -81,8 +81,7 @@ packages() {
 # os FIELD: one field of the system's own description, empty if there is none.
 os() {
   if [ -r /etc/os-release ]; then
-    # shellcheck disable=SC1091
-    (. /etc/os-release && eval "printf '%s' \"\${$1:-}\"")
+    sed -n "s/^$1=//p" /etc/os-release | tr -d "\"'" | head -n 1
   fi
 }
 
@@ -174,19 +173,26 @@ check_node_package() {
   fi
 }
 
+apt() {
+  as_root env DEBIAN_FRONTEND=noninteractive \
+    apt-get -q -o "DPkg::Lock::Timeout=$APT_LOCK_SECONDS" "$@"
+}
+
 install_with_apt() {
+  local log="$NOTES/apt.log"
   check_chromium_package
   check_can_be_root
-  say "refreshing the package lists"
-  as_root apt-get -q -o "DPkg::Lock::Timeout=$APT_LOCK_SECONDS" update ||
+  mkdir -p "$NOTES"
+  say "refreshing the package lists (log: $log)"
+  apt update >"$log" 2>&1 ||
     say "not every package source could be refreshed; going on with what there is"
   check_node_package
-  say "installing $(packages 3)"
+  say "installing $(packages 3) (minutes; log: $log)"
   # shellcheck disable=SC2046 # the list is meant to be split
-  as_root env DEBIAN_FRONTEND=noninteractive \
-    apt-get -q -o "DPkg::Lock::Timeout=$APT_LOCK_SECONDS" \
-    install -y --no-install-recommends $(packages 3) </dev/null ||
+  if ! apt install -y --no-install-recommends $(packages 3) >>"$log" 2>&1; then
+    tail -n 20 "$log" >&2
     die "apt-get could not install: $(packages 3)"
+  fi
 }
 
 # --- Set up ----------------------------------------------------------------------------
