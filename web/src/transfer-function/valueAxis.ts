@@ -9,7 +9,7 @@ export type Range = readonly [number, number];
 const MIN_WINDOW = 1e-3;
 
 /** The data values of `s` = 0 and 1. */
-export function valueRange(scene: SceneFile | null, dataset: Dataset | null): Range {
+export function valueRange(scene: Pick<SceneFile, "value_range"> | null, dataset: Dataset | null): Range {
   const [low, high] = scene?.value_range ?? dataset?.value_range ?? [0, 1];
   return high > low ? [low, high] : [low, low + 1];
 }
