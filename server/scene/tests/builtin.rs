@@ -15,13 +15,11 @@ fn volume(kind: Builtin, dims: [usize; 3]) -> Volume {
 }
 
 fn values(volume: &Volume) -> impl Iterator<Item = f64> {
-    (0..volume.voxels.len())
-        .map(|i| volume.slope * f64::from(volume.voxels.stored(i)) + volume.intercept)
+    (0..volume.voxels.len()).map(|i| volume.slope * f64::from(volume.voxels.stored(i)) + volume.intercept)
 }
 
 fn positions(dims: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {
-    (0..dims[2])
-        .flat_map(move |z| (0..dims[1]).flat_map(move |y| (0..dims[0]).map(move |x| [x, y, z])))
+    (0..dims[2]).flat_map(move |z| (0..dims[1]).flat_map(move |y| (0..dims[0]).map(move |x| [x, y, z])))
 }
 
 /// World coordinate of a voxel centre of an n^3 grid.
@@ -31,14 +29,7 @@ fn world(p: [usize; 3], n: usize) -> [f64; 3] {
 
 #[test]
 fn odd_and_tiny_sizes_are_complete_and_finite() {
-    for dims in [
-        [1, 1, 1],
-        [3, 5, 7],
-        [1, 64, 1],
-        [64, 1, 2],
-        [2, 3, 40],
-        [17, 16, 15],
-    ] {
+    for dims in [[1, 1, 1], [3, 5, 7], [1, 64, 1], [64, 1, 2], [2, 3, 40], [17, 16, 15]] {
         for kind in Builtin::ALL {
             let volume = volume(kind, dims);
             assert_eq!(volume.dims, dims);
@@ -49,11 +40,7 @@ fn odd_and_tiny_sizes_are_complete_and_finite() {
                 _ => 1.0,
             };
             for value in values(&volume) {
-                assert!(
-                    (0.0..=top).contains(&value),
-                    "{} {dims:?}: {value}",
-                    kind.name()
-                );
+                assert!((0.0..=top).contains(&value), "{} {dims:?}: {value}", kind.name());
             }
         }
     }
@@ -76,15 +63,8 @@ fn sizes_agree_where_their_voxel_centres_coincide() {
     for kind in Builtin::ALL {
         let (coarse, fine) = (volume(kind, [16; 3]), volume(kind, [48; 3]));
         for [x, y, z] in positions([16; 3]) {
-            let (a, b) = (
-                coarse.value(x, y, z),
-                fine.value(3 * x + 1, 3 * y + 1, 3 * z + 1),
-            );
-            assert!(
-                (a - b).abs() <= QUANTUM,
-                "{} at {x} {y} {z}: {a} {b}",
-                kind.name()
-            );
+            let (a, b) = (coarse.value(x, y, z), fine.value(3 * x + 1, 3 * y + 1, 3 * z + 1));
+            assert!((a - b).abs() <= QUANTUM, "{} at {x} {y} {z}: {a} {b}", kind.name());
         }
     }
 }
@@ -92,18 +72,11 @@ fn sizes_agree_where_their_voxel_centres_coincide() {
 #[test]
 fn a_flat_box_shows_the_middle_of_the_cube() {
     let follows_faces = [Builtin::CornellBox, Builtin::Pillars];
-    for kind in Builtin::ALL
-        .into_iter()
-        .filter(|kind| !follows_faces.contains(kind))
-    {
+    for kind in Builtin::ALL.into_iter().filter(|kind| !follows_faces.contains(kind)) {
         let (slab, cube) = (volume(kind, [32, 16, 8]), volume(kind, [32; 3]));
         for [x, y, z] in positions([32, 16, 8]) {
             let (a, b) = (slab.value(x, y, z), cube.value(x, y + 8, z + 12));
-            assert!(
-                (a - b).abs() <= QUANTUM,
-                "{} at {x} {y} {z}: {a} {b}",
-                kind.name()
-            );
+            assert!((a - b).abs() <= QUANTUM, "{} at {x} {y} {z}: {a} {b}", kind.name());
         }
     }
 }
@@ -112,10 +85,7 @@ fn a_flat_box_shows_the_middle_of_the_cube() {
 fn threads_do_not_matter() {
     for kind in Builtin::ALL {
         let in_pool = |threads| {
-            let pool = rayon::ThreadPoolBuilder::new()
-                .num_threads(threads)
-                .build()
-                .unwrap();
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| volume(kind, [21, 20, 19]))
         };
         assert_eq!(in_pool(1), in_pool(3), "{}", kind.name());
@@ -129,24 +99,12 @@ fn voxels_are_pinned() {
     for kind in Builtin::ALL {
         let hash = match volume(kind, [40, 36, 32]).voxels {
             Voxels::U8(v) => blake3::hash(&v),
-            Voxels::U16(v) => {
-                blake3::hash(&v.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<_>>())
-            }
-            Voxels::I16(v) => {
-                blake3::hash(&v.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<_>>())
-            }
-            Voxels::F32(v) => {
-                blake3::hash(&v.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<_>>())
-            }
+            Voxels::U16(v) => blake3::hash(&v.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<_>>()),
+            Voxels::I16(v) => blake3::hash(&v.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<_>>()),
+            Voxels::F32(v) => blake3::hash(&v.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<_>>()),
         };
         let hash = hash.to_hex();
-        assert_eq!(
-            pinned.get(kind.name()),
-            Some(&&hash[..16]),
-            "{}: {}",
-            kind.name(),
-            &hash[..16]
-        );
+        assert_eq!(pinned.get(kind.name()), Some(&&hash[..16]), "{}: {}", kind.name(), &hash[..16]);
     }
 }
 
@@ -169,10 +127,7 @@ fn cornell_box_has_its_labels_where_they_belong() {
     let room = volume(Builtin::CornellBox, [n; 3]);
     let label = |x, y, z| room.value(x, y, z) as u8;
     let present: BTreeSet<u8> = positions([n; 3]).map(|[x, y, z]| label(x, y, z)).collect();
-    assert_eq!(
-        present,
-        BTreeSet::from([AIR, LEFT_WALL, RIGHT_WALL, WHITE_WALL, BLOCK, SPHERE])
-    );
+    assert_eq!(present, BTreeSet::from([AIR, LEFT_WALL, RIGHT_WALL, WHITE_WALL, BLOCK, SPHERE]));
 
     // Walls are two voxels thick at this size.
     assert_eq!(cornell_box::WALL * n as f64, 2.0);
@@ -194,15 +149,11 @@ fn cornell_box_has_its_labels_where_they_belong() {
     assert!(
         positions([n; 3])
             .filter(|p| p[2] == n - 1)
-            .all(|[x, y, z]| {
-                [x, y].iter().any(|i| !(2..38).contains(i)) || label(x, y, z) == AIR
-            })
+            .all(|[x, y, z]| { [x, y].iter().any(|i| !(2..38).contains(i)) || label(x, y, z) == AIR })
     );
     let mut spans = Vec::new();
     for body in [BLOCK, SPHERE] {
-        let of_body: Vec<_> = positions([n; 3])
-            .filter(|&[x, y, z]| label(x, y, z) == body)
-            .collect();
+        let of_body: Vec<_> = positions([n; 3]).filter(|&[x, y, z]| label(x, y, z) == body).collect();
         let span = |axis: usize| {
             let along = of_body.iter().map(|p| p[axis]);
             (along.clone().min().unwrap(), along.max().unwrap())
@@ -211,13 +162,8 @@ fn cornell_box_has_its_labels_where_they_belong() {
         assert!(span(0).0 > 2 && span(0).1 < 37 && span(2).0 > 2 && span(2).1 < 37);
         spans.push((span(0), span(2)));
     }
-    let [(block_x, block_z), (sphere_x, sphere_z)] = spans[..] else {
-        panic!("two bodies")
-    };
-    assert!(
-        block_x.1 < sphere_x.0 || block_z.1 < sphere_z.0,
-        "{spans:?}"
-    );
+    let [(block_x, block_z), (sphere_x, sphere_z)] = spans[..] else { panic!("two bodies") };
+    assert!(block_x.1 < sphere_x.0 || block_z.1 < sphere_z.0, "{spans:?}");
 }
 
 #[test]
@@ -265,26 +211,16 @@ fn pillars_stand_apart_on_a_floor() {
     let n = 96;
     let field = volume(Builtin::Pillars, [n; 3]);
     let slice = |y: usize| -> Vec<f64> {
-        (0..n)
-            .flat_map(|z| (0..n).map(move |x| (x, z)))
-            .map(|(x, z)| field.value(x, y, z))
-            .collect()
+        (0..n).flat_map(|z| (0..n).map(move |x| (x, z))).map(|(x, z)| field.value(x, y, z)).collect()
     };
     // The floor is 0.05 thick: 4.8 voxels.
     for y in 0..4 {
         assert!(slice(y).iter().all(|&v| v > pillars::FLOOR - 0.01));
-        assert!(
-            slice(y)
-                .iter()
-                .any(|&v| (v - pillars::FLOOR).abs() < QUANTUM)
-        );
+        assert!(slice(y).iter().any(|&v| (v - pillars::FLOOR).abs() < QUANTUM));
     }
     let above = slice(7);
     assert!(above.contains(&0.0));
-    assert_eq!(
-        components([n, n, 1], |[x, z, _]| above[z * n + x] > 0.5).len(),
-        25
-    );
+    assert_eq!(components([n, n, 1], |[x, z, _]| above[z * n + x] > 0.5).len(), 25);
     assert!(slice(n - 1).iter().all(|&v| v == 0.0));
 }
 
@@ -293,19 +229,13 @@ fn vessel_tree_is_sparse_connected_and_visible() {
     let n = 128;
     let tree = volume(Builtin::VesselTree, [n; 3]);
     let matter = values(&tree).filter(|&v| v > 0.0).count();
-    assert!(
-        (matter as f64) < 0.01 * (n * n * n) as f64,
-        "{matter} voxels"
-    );
+    assert!((matter as f64) < 0.01 * (n * n * n) as f64, "{matter} voxels");
     let sizes = components([n; 3], |[x, y, z]| tree.value(x, y, z) > 0.0);
     assert_eq!(sizes.len(), 1, "one tree, not {sizes:?}");
     // Nothing is cut off but the trunk, at the bottom.
     for [x, y, z] in positions([n; 3]) {
         let on_face = [x, y, z].iter().any(|&i| i == 0 || i == n - 1);
-        assert!(
-            !on_face || y == 0 || tree.value(x, y, z) == 0.0,
-            "cut at {x} {y} {z}"
-        );
+        assert!(!on_face || y == 0 || tree.value(x, y, z) == 0.0, "cut at {x} {y} {z}");
     }
     // Half the size still shows it: the same share of the box, and solid vessels.
     let half = volume(Builtin::VesselTree, [64; 3]);
@@ -317,21 +247,12 @@ fn vessel_tree_is_sparse_connected_and_visible() {
 #[test]
 fn round_bodies_and_smoke_end_before_the_faces() {
     let n = 48;
-    for kind in [
-        Builtin::Buckyball,
-        Builtin::SmokePlume,
-        Builtin::ThickBlob,
-        Builtin::NestedShells,
-    ] {
+    for kind in [Builtin::Buckyball, Builtin::SmokePlume, Builtin::ThickBlob, Builtin::NestedShells] {
         let body = volume(kind, [n; 3]);
         for [x, y, z] in positions([n; 3]) {
             let on_face = [x, y, z].iter().any(|&i| i == 0 || i == n - 1);
             let source = kind == Builtin::SmokePlume && y == 0;
-            assert!(
-                !on_face || source || body.value(x, y, z) == 0.0,
-                "{} {x} {y} {z}",
-                kind.name()
-            );
+            assert!(!on_face || source || body.value(x, y, z) == 0.0, "{} {x} {y} {z}", kind.name());
         }
         let (low, high) = values(&body).fold((1.0_f64, 0.0_f64), |(l, h), v| (l.min(v), h.max(v)));
         assert!(low == 0.0 && high > 0.7, "{}: {low}..{high}", kind.name());
@@ -344,13 +265,8 @@ fn nested_shells_show_every_value_through_the_cut() {
     let n = 128;
     let shells = volume(Builtin::NestedShells, [n; 3]);
     let along = |i: usize| shells.value(i, i, i);
-    let plateaus: BTreeSet<u32> = (0..n / 2)
-        .map(|i| (along(i) * 8.0).round() as u32)
-        .collect();
-    assert!(
-        [0, 2, 4, 6, 8].iter().all(|v| plateaus.contains(v)),
-        "{plateaus:?}"
-    );
+    let plateaus: BTreeSet<u32> = (0..n / 2).map(|i| (along(i) * 8.0).round() as u32).collect();
+    assert!([0, 2, 4, 6, 8].iter().all(|v| plateaus.contains(v)), "{plateaus:?}");
     let first_in_cut = (n / 2..n).rev().map(along).find(|&v| v > 0.9);
     assert!(first_in_cut.is_some());
     let in_cut: f64 = (90..n).map(along).sum();
@@ -372,10 +288,7 @@ fn marschner_lobb_matches_the_published_formula() {
     }
     // At the origin rho = (1 + 2 alpha) / (2 (1 + alpha)) = 0.6.
     assert!((signal.value(20, 20, 20) - 0.6).abs() < 1e-6);
-    assert_eq!(
-        (marschner_lobb::FREQUENCY, marschner_lobb::ALPHA),
-        (6.0, 0.25)
-    );
+    assert_eq!((marschner_lobb::FREQUENCY, marschner_lobb::ALPHA), (6.0, 0.25));
 }
 
 #[test]

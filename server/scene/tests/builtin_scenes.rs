@@ -35,35 +35,14 @@ fn the_scenes_of_the_carried_scans_are_valid() {
 /// camera that looks into the box from outside, and something to see.
 fn check_showcase(name: &str, scene: &SceneFile) {
     assert!(scene.value_range.is_some(), "{name}");
-    let environments = scene
-        .lights
-        .iter()
-        .filter(|l| matches!(l, Light::Environment(_)))
-        .count();
+    let environments = scene.lights.iter().filter(|l| matches!(l, Light::Environment(_))).count();
     assert!(environments == 1 && scene.lights.len() >= 2, "{name}");
     let ids: BTreeSet<_> = scene.lights.iter().filter_map(Light::id).collect();
-    assert_eq!(
-        ids.len(),
-        scene.lights.len(),
-        "{name}: lights have names of their own"
-    );
-    let Some(camera) = &scene.camera else {
-        panic!("{name}: no camera")
-    };
+    assert_eq!(ids.len(), scene.lights.len(), "{name}: lights have names of their own");
+    let Some(camera) = &scene.camera else { panic!("{name}: no camera") };
     assert!(camera.target.iter().all(|c| c.abs() < 0.5), "{name}");
     assert!(camera.position.iter().any(|c| c.abs() > 0.5), "{name}");
-    assert!(
-        scene
-            .transfer_function
-            .points
-            .iter()
-            .any(|p| p.sigma_t() > 0.0),
-        "{name}"
-    );
+    assert!(scene.transfer_function.points.iter().any(|p| p.sigma_t() > 0.0), "{name}");
     let again = serde_json::to_value(scene).map(SceneFile::from_value);
-    assert_eq!(
-        again.ok(),
-        Some(Ok(scene.clone())),
-        "{name}: written and read again"
-    );
+    assert_eq!(again.ok(), Some(Ok(scene.clone())), "{name}: written and read again");
 }

@@ -31,32 +31,20 @@ pub(crate) struct Molecule {
 /// World positions of the 60 atoms.
 pub fn atoms() -> Vec<Point> {
     let phi = (1.0 + 5.0_f64.sqrt()) / 2.0;
-    let families = [
-        [0.0, 1.0, 3.0 * phi],
-        [1.0, 2.0 + phi, 2.0 * phi],
-        [phi, 2.0, 2.0 * phi + 1.0],
-    ];
+    let families = [[0.0, 1.0, 3.0 * phi], [1.0, 2.0 + phi, 2.0 * phi], [phi, 2.0, 2.0 * phi + 1.0]];
     let mut atoms = Vec::new();
     for family in families {
         let to_world = RADIUS / length(family);
         for rotation in 0..3 {
             for signs in 0..8 {
                 let signed = |i: usize| {
-                    if signs >> i & 1 == 1 {
-                        -family[i]
-                    } else {
-                        family[i]
-                    }
+                    if signs >> i & 1 == 1 { -family[i] } else { family[i] }
                 };
                 // -0 is 0: that coordinate has one sign only.
                 if (0..3).any(|i| family[i] == 0.0 && signs >> i & 1 == 1) {
                     continue;
                 }
-                let corner = [
-                    signed(rotation),
-                    signed((rotation + 1) % 3),
-                    signed((rotation + 2) % 3),
-                ];
+                let corner = [signed(rotation), signed((rotation + 1) % 3), signed((rotation + 2) % 3)];
                 atoms.push(scale(corner, to_world));
             }
         }
@@ -73,12 +61,7 @@ impl Molecule {
         let bonded = |a: Point, b: Point| length(sub(a, b)) < 1.3 * bond_length;
         let mut bonds = Vec::new();
         for (i, &a) in atoms.iter().enumerate() {
-            bonds.extend(
-                atoms[i + 1..]
-                    .iter()
-                    .filter(|&&b| bonded(a, b))
-                    .map(|&b| [a, b]),
-            );
+            bonds.extend(atoms[i + 1..].iter().filter(|&&b| bonded(a, b)).map(|&b| [a, b]));
         }
         Self { atoms, bonds }
     }
@@ -89,11 +72,7 @@ impl Molecule {
         if (length(p) - RADIUS).abs() > CUTOFF_SIGMAS * ATOM_SIGMA {
             return 0.0;
         }
-        let atoms: f64 = self
-            .atoms
-            .iter()
-            .map(|&atom| gaussian(length(sub(p, atom)), ATOM_SIGMA))
-            .sum();
+        let atoms: f64 = self.atoms.iter().map(|&atom| gaussian(length(sub(p, atom)), ATOM_SIGMA)).sum();
         let bonds: f64 = self.bonds.iter().map(|&bond| tube(p, bond)).sum();
         (atoms + BOND_STRENGTH * bonds) / PEAK
     }
@@ -101,11 +80,7 @@ impl Molecule {
 
 fn gaussian(distance: f64, sigma: f64) -> f64 {
     let t = distance / sigma;
-    if t > CUTOFF_SIGMAS {
-        0.0
-    } else {
-        libm::exp(-0.5 * t * t)
-    }
+    if t > CUTOFF_SIGMAS { 0.0 } else { libm::exp(-0.5 * t * t) }
 }
 
 /// A line of unit density from end to end, blurred by a Gaussian: 1 on its axis, 0.5 at its ends.
@@ -134,14 +109,7 @@ mod tests {
         assert_eq!(molecule.bonds.len(), 90);
         for atom in &molecule.atoms {
             assert!((length(*atom) - RADIUS).abs() < 1e-12);
-            assert_eq!(
-                molecule
-                    .bonds
-                    .iter()
-                    .filter(|bond| bond.contains(atom))
-                    .count(),
-                3
-            );
+            assert_eq!(molecule.bonds.iter().filter(|bond| bond.contains(atom)).count(), 3);
         }
     }
 

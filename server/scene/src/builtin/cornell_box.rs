@@ -50,14 +50,6 @@ pub(crate) fn label(grid: &Grid, p: Point) -> u8 {
         return BLOCK;
     }
     let radius = SPHERE_RADIUS * shortest_edge;
-    let center = [
-        (SPHERE_AT[0] - 0.5) * 2.0 * hx,
-        -hy + wall + radius,
-        (SPHERE_AT[1] - 0.5) * 2.0 * hz,
-    ];
-    if length(sub(p, center)) < radius {
-        SPHERE
-    } else {
-        AIR
-    }
+    let center = [(SPHERE_AT[0] - 0.5) * 2.0 * hx, -hy + wall + radius, (SPHERE_AT[1] - 0.5) * 2.0 * hz];
+    if length(sub(p, center)) < radius { SPHERE } else { AIR }
 }

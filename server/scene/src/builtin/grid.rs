@@ -30,11 +30,7 @@ pub(crate) struct Grid {
 impl Grid {
     pub fn new(dims: [usize; 3]) -> Self {
         let longest = dims[0].max(dims[1]).max(dims[2]).max(1) as f64;
-        Self {
-            dims,
-            half: dims.map(|n| 0.5 * n as f64 / longest),
-            voxel: 1.0 / longest,
-        }
+        Self { dims, half: dims.map(|n| 0.5 * n as f64 / longest), voxel: 1.0 / longest }
     }
 
     /// World coordinate of the centre of voxel `index` along `axis`.
@@ -64,14 +60,11 @@ pub(crate) fn fill_slices<T: Copy + Default + Send>(
     let slice_len = grid.dims[0] * grid.dims[1];
     let mut voxels = vec![T::default(); slice_len * grid.dims[2]];
     let done = AtomicUsize::new(0);
-    voxels
-        .par_chunks_mut(slice_len.max(1))
-        .enumerate()
-        .for_each(|(z, slice)| {
-            fill_slice(z, slice);
-            let finished = done.fetch_add(1, Ordering::Relaxed) + 1;
-            progress(finished as f32 / grid.dims[2] as f32);
-        });
+    voxels.par_chunks_mut(slice_len.max(1)).enumerate().for_each(|(z, slice)| {
+        fill_slice(z, slice);
+        let finished = done.fetch_add(1, Ordering::Relaxed) + 1;
+        progress(finished as f32 / grid.dims[2] as f32);
+    });
     voxels
 }
 
@@ -99,8 +92,5 @@ pub(crate) fn fraction(value: f64) -> u16 {
 
 /// A volume whose stored 0..65535 stands for data values 0..1.
 pub(crate) fn fractional_volume(grid: &Grid, voxels: Vec<u16>) -> Volume {
-    Volume {
-        slope: 1.0 / FULL_SCALE,
-        ..Volume::new(grid.dims, Voxels::U16(voxels))
-    }
+    Volume { slope: 1.0 / FULL_SCALE, ..Volume::new(grid.dims, Voxels::U16(voxels)) }
 }

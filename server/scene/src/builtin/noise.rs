@@ -46,8 +46,7 @@ pub(crate) fn fractal_noise(p: Point, octaves: u32, seed: u32) -> f64 {
     for octave in 0..octaves {
         // A shift per octave keeps the zeros at lattice points from falling on each other.
         let shift = 0.37 * f64::from(octave);
-        sum +=
-            amplitude * gradient_noise(p.map(|x| x * frequency + shift), seed.wrapping_add(octave));
+        sum += amplitude * gradient_noise(p.map(|x| x * frequency + shift), seed.wrapping_add(octave));
         frequency *= 2.0;
         amplitude *= 0.5;
     }
@@ -88,10 +87,7 @@ mod tests {
         let mean = sum / f64::from(count);
         let deviation = (squares / f64::from(count)).sqrt();
         // The standard error of the mean is deviation / sqrt(count).
-        assert!(
-            mean.abs() < 5.0 * deviation / f64::from(count).sqrt(),
-            "mean {mean}"
-        );
+        assert!(mean.abs() < 5.0 * deviation / f64::from(count).sqrt(), "mean {mean}");
         assert!((0.1..0.4).contains(&deviation), "deviation {deviation}");
         assert!(largest < 1.5, "largest {largest}");
     }

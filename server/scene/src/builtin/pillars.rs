@@ -73,9 +73,8 @@ pub(crate) fn value(grid: &Grid, pillars: &[Pillar], p: Point) -> f64 {
             continue;
         }
         let shaft = rho - pillar.radius;
-        let ledge = |middle: f64| {
-            (rho - pillar.radius - LEDGE).max((p[1] - middle).abs() - 0.5 * LEDGE_HEIGHT)
-        };
+        let ledge =
+            |middle: f64| (rho - pillar.radius - LEDGE).max((p[1] - middle).abs() - 0.5 * LEDGE_HEIGHT);
         let base = ledge(floor_top + 0.5 * LEDGE_HEIGHT);
         let capital = ledge(pillar.top - 0.5 * LEDGE_HEIGHT);
         let profile = smooth_min(shaft, smooth_min(base, capital, FILLET), FILLET);

@@ -28,12 +28,8 @@ pub(crate) fn thick_blob(p: Point) -> f64 {
 
 /// Outer radius, thickness (world units) and value of each shell, from outside in; the last is
 /// a full ball. Gaps between them are empty.
-pub const SHELLS: [(f64, f64, f64); 4] = [
-    (0.44, 0.05, 0.25),
-    (0.34, 0.05, 0.5),
-    (0.24, 0.05, 0.75),
-    (0.13, 0.13, 1.0),
-];
+pub const SHELLS: [(f64, f64, f64); 4] =
+    [(0.44, 0.05, 0.25), (0.34, 0.05, 0.5), (0.24, 0.05, 0.75), (0.13, 0.13, 1.0)];
 /// Width of the shells' edges, world units.
 const SHELL_EDGE: f64 = 0.01;
 /// How deep the cut goes into each shell: the cut keeps what lies this far beyond the planes
@@ -46,11 +42,7 @@ pub(crate) fn nested_shells(p: Point) -> f64 {
     let mut value: f64 = 0.0;
     for ((outer, thickness, shell_value), cut) in SHELLS.into_iter().zip(CUT_STEP) {
         let shell = (radius - outer).max(outer - thickness - radius);
-        let shell = if thickness < outer {
-            shell
-        } else {
-            radius - outer
-        };
+        let shell = if thickness < outer { shell } else { radius - outer };
         // Distance into the cut-away octant, positive inside it.
         let cut_away = (p[0] - cut).min(p[1] - cut).min(p[2] - cut);
         value = value.max(shell_value * coverage(shell.max(cut_away), SHELL_EDGE));

@@ -88,20 +88,8 @@ pub(crate) fn density(p: Point) -> f64 {
     let mut q = [p[0] - sway(SWAY_SEED), height, p[2] - sway(SWAY_SEED + 1)];
 
     // Push by large eddies, then by smaller ones seen from where the large ones put us.
-    q = add(
-        q,
-        scale(
-            vector_noise(scale(p, 4.2), 2, WARP_SEED),
-            0.012 + 0.085 * up,
-        ),
-    );
-    q = add(
-        q,
-        scale(
-            vector_noise(scale(q, 9.5), 3, CURL_SEED),
-            0.010 + 0.045 * up,
-        ),
-    );
+    q = add(q, scale(vector_noise(scale(p, 4.2), 2, WARP_SEED), 0.012 + 0.085 * up));
+    q = add(q, scale(vector_noise(scale(q, 9.5), 3, CURL_SEED), 0.010 + 0.045 * up));
 
     // Roll up around the vortices, from the lowest to the highest.
     let mut column = 0.026 + 0.07 * up;
@@ -141,10 +129,7 @@ fn roll(vortex: &Vortex, q: Point) -> (Point, f64) {
     let t = vortex.half_turn * near * near;
     let (cos, sin) = ((1.0 - t * t) / (1.0 + t * t), 2.0 * t / (1.0 + t * t));
     let stretch = (vortex.radius + a * cos - b * sin) / rho;
-    let turned = [
-        vortex.center[0] + x * stretch,
-        q[1] + (a * sin + b * cos) - b,
-        vortex.center[2] + z * stretch,
-    ];
+    let turned =
+        [vortex.center[0] + x * stretch, q[1] + (a * sin + b * cos) - b, vortex.center[2] + z * stretch];
     (turned, nearness)
 }

@@ -97,11 +97,7 @@ pub(crate) fn grow() -> Vec<Tube> {
 /// Grows one vessel piece by piece; returns its tip, direction and side there.
 fn grow_vessel(bud: &Bud, tubes: &mut Vec<Tube>) -> (Point, Point, Point) {
     let random = |salt: u32| unit(bud.number * 64 + salt);
-    let shortened = if bud.number == 1 {
-        TRUNK_LENGTH
-    } else {
-        0.8 + 0.4 * random(0)
-    };
+    let shortened = if bud.number == 1 { TRUNK_LENGTH } else { 0.8 + 0.4 * random(0) };
     let piece_length = shortened * bud.radius * LENGTH_PER_RADIUS / f64::from(PIECES);
     let (mut position, mut direction, mut side) = (bud.position, bud.direction, bud.side);
     let mut radius = bud.parent_radius;
@@ -112,20 +108,14 @@ fn grow_vessel(bud: &Bud, tubes: &mut Vec<Tube>) -> (Point, Point, Point) {
         let away = normalized(sub(position, ROOT_FOCUS));
         let out = dot(position, position) / (CROWN_RADIUS * CROWN_RADIUS);
         let bend = CROWN_BEND * (out * out).min(4.0);
-        direction = add(
-            direction,
-            add(scale(side, aside(0)), scale(across, aside(1))),
-        );
+        direction = add(direction, add(scale(side, aside(0)), scale(across, aside(1))));
         direction = add(direction, scale(away, TROPISM));
         direction = normalized(sub(direction, scale(position, bend)));
         side = normalized(sub(side, scale(direction, dot(side, direction))));
 
         // The radius of the parent gives way to the vessel's own within the first piece.
         let next = add(position, scale(direction, piece_length));
-        tubes.push(Tube {
-            ends: [position, next],
-            radii: [radius, bud.radius],
-        });
+        tubes.push(Tube { ends: [position, next], radii: [radius, bud.radius] });
         (position, radius) = (next, bud.radius);
     }
     (position, direction, side)
@@ -144,8 +134,8 @@ fn fork(bud: &Bud, tip: Point, direction: Point, side: Point) -> Vec<Bud> {
         if own < THINNEST {
             continue;
         }
-        let cos = (fourth(bud.radius) + fourth(own) - fourth(other))
-            / (2.0 * bud.radius * bud.radius * own * own);
+        let cos =
+            (fourth(bud.radius) + fourth(own) - fourth(other)) / (2.0 * bud.radius * bud.radius * own * own);
         let cos = cos.clamp(-1.0, 1.0);
         let sin = (1.0 - cos * cos).sqrt() * if child == 0 { 1.0 } else { -1.0 };
         let turned = add(scale(direction, cos), scale(plane, sin));
@@ -199,14 +189,7 @@ mod tests {
     fn bud(number: u32) -> Bud {
         let direction = [0.0, 1.0, 0.0];
         let side = [1.0, 0.0, 0.0];
-        Bud {
-            position: [0.0; 3],
-            direction,
-            side,
-            radius: 0.02,
-            parent_radius: 0.02,
-            number,
-        }
+        Bud { position: [0.0; 3], direction, side, radius: 0.02, parent_radius: 0.02, number }
     }
 
     #[test]
@@ -235,20 +218,13 @@ mod tests {
         for tube in &tubes {
             let start = tube.ends[0];
             assert!(start == ROOT || tubes.iter().any(|other| other.ends[1] == start));
-            assert!(
-                tube.radii
-                    .iter()
-                    .all(|&r| (THINNEST..=TRUNK_RADIUS).contains(&r))
-            );
+            assert!(tube.radii.iter().all(|&r| (THINNEST..=TRUNK_RADIUS).contains(&r)));
         }
     }
 
     #[test]
     fn distance_to_a_tapered_tube() {
-        let tube = Tube {
-            ends: [[0.0; 3], [2.0, 0.0, 0.0]],
-            radii: [0.5, 0.3],
-        };
+        let tube = Tube { ends: [[0.0; 3], [2.0, 0.0, 0.0]], radii: [0.5, 0.3] };
         assert!((tube.distance([1.0, 1.0, 0.0]) - 0.6).abs() < 1e-12);
         assert!((tube.distance([3.0, 0.0, 0.0]) - 0.7).abs() < 1e-12);
         assert!((tube.distance([0.0; 3]) + 0.5).abs() < 1e-12);
