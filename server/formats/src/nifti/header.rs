@@ -183,11 +183,7 @@ impl Header {
 
     /// Rounding of the header's floats, relative.
     pub(super) fn epsilon(&self) -> f64 {
-        if self.is_nifti2 {
-            f64::EPSILON
-        } else {
-            f32::EPSILON.into()
-        }
+        if self.is_nifti2 { f64::EPSILON } else { f32::EPSILON.into() }
     }
 
     /// Unit of length, where the file states one.

@@ -76,11 +76,7 @@ fn qform(header: &Header, spacing: Vec3) -> Option<Affine> {
     // The header leaves the real part out. In half turns it is 0, and the square root would make
     // much of what rounding of b, c, d left of it.
     let a_squared = 1.0 - (b * b + c * c + d * d);
-    let a = if a_squared < 3.0 * header.epsilon() {
-        0.0
-    } else {
-        a_squared.sqrt()
-    };
+    let a = if a_squared < 3.0 * header.epsilon() { 0.0 } else { a_squared.sqrt() };
     let length = (a * a + b * b + c * c + d * d).sqrt();
     let [a, b, c, d] = [a, b, c, d].map(|q| q / length);
     let handedness = if header.pixdim[0] < 0.0 { -1.0 } else { 1.0 };

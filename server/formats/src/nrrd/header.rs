@@ -114,17 +114,10 @@ impl Header {
             return Ok(());
         }
         if !USED.contains(&name.as_str()) {
-<<<<<<< HEAD
-            self.notices.push(format!("the unknown header field {} is ignored", quoted(&name)));
-=======
             if value.contains(":=") {
                 return Ok(()); // a key with a colon in it
             }
-            self.notices.push(format!(
-                "the unknown header field {} is ignored",
-                quoted(&name)
-            ));
->>>>>>> formats
+            self.notices.push(format!("the unknown header field {} is ignored", quoted(&name)));
             return Ok(());
         }
         if self.fields.insert(name.clone(), value.trim().to_owned()).is_some() {
