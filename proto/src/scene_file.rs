@@ -129,9 +129,7 @@ pub struct VolumeSource {
 }
 
 /// Interpolation of data values between voxel centres.
-#[derive(
-    Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize, TS, ToSchema,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize, TS, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Filter {
     /// Trilinear.
@@ -239,9 +237,7 @@ impl Default for TransferFunction {
             extinction: Some(extinction),
             ..TransferFunctionPoint::default()
         };
-        Self {
-            points: vec![point(0.0, 0.0), point(0.15, 0.0), point(1.0, 60.0)],
-        }
+        Self { points: vec![point(0.0, 0.0), point(0.15, 0.0), point(1.0, 60.0)] }
     }
 }
 
@@ -271,14 +267,7 @@ pub struct TransferFunctionPoint {
 
 impl Default for TransferFunctionPoint {
     fn default() -> Self {
-        Self {
-            s: 0.0,
-            extinction: None,
-            opacity: None,
-            albedo: [1.0; 3],
-            emission: [0.0; 3],
-            material: None,
-        }
+        Self { s: 0.0, extinction: None, opacity: None, albedo: [1.0; 3], emission: [0.0; 3], material: None }
     }
 }
 
@@ -287,9 +276,7 @@ impl TransferFunctionPoint {
     pub fn sigma_t(&self) -> f64 {
         match (self.extinction, self.opacity) {
             (Some(extinction), _) => extinction,
-            (None, Some(opacity)) => {
-                -(1.0 - opacity.min(limits::MAX_OPACITY)).ln() / limits::OPACITY_LENGTH
-            }
+            (None, Some(opacity)) => -(1.0 - opacity.min(limits::MAX_OPACITY)).ln() / limits::OPACITY_LENGTH,
             (None, None) => 0.0,
         }
     }
@@ -670,11 +657,7 @@ pub struct Clip {
 
 impl Default for Clip {
     fn default() -> Self {
-        Self {
-            bounds: None,
-            planes: Vec::new(),
-            shadows: true,
-        }
+        Self { bounds: None, planes: Vec::new(), shadows: true }
     }
 }
 
@@ -722,9 +705,7 @@ impl<'de> Deserialize<'de> for Background {
         }
         field::from_value(value)
             .map(Background::Color)
-            .map_err(|_| {
-                D::Error::custom("must be three numbers (linear radiance) or \"environment\"")
-            })
+            .map_err(|_| D::Error::custom("must be three numbers (linear radiance) or \"environment\""))
     }
 }
 
@@ -764,9 +745,7 @@ impl<'de> Deserialize<'de> for Orders {
         match value.as_u64() {
             _ if value == "all" => Ok(Orders::All),
             Some(count @ 1..=1_000_000) => Ok(Orders::AtMost(count as u32)),
-            _ => Err(D::Error::custom(
-                "must be \"all\" or a whole number from 1 to 1000000",
-            )),
+            _ => Err(D::Error::custom("must be \"all\" or a whole number from 1 to 1000000")),
         }
     }
 }
@@ -780,9 +759,7 @@ pub struct Illumination {
 }
 
 /// The closed set of illumination methods.
-#[derive(
-    Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize, TS, ToSchema,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize, TS, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
     /// Classic shading without shadows.
@@ -840,12 +817,7 @@ pub struct Sampling {
 
 impl Default for Sampling {
     fn default() -> Self {
-        Self {
-            step_voxels: 0.5,
-            samples_per_pixel: 8,
-            skip_empty: true,
-            termination_transmittance: 1e-3,
-        }
+        Self { step_voxels: 0.5, samples_per_pixel: 8, skip_empty: true, termination_transmittance: 1e-3 }
     }
 }
 
@@ -860,9 +832,7 @@ pub struct Film {
 }
 
 /// Tone-mapping operators.
-#[derive(
-    Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize, TS, ToSchema,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize, TS, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ToneMapping {
     /// Khronos PBR Neutral: colours below 0.8 stay as they are, highlights roll off.
@@ -886,10 +856,7 @@ pub struct ImageSize {
 
 impl Default for ImageSize {
     fn default() -> Self {
-        Self {
-            width: 256,
-            height: 256,
-        }
+        Self { width: 256, height: 256 }
     }
 }
 

@@ -7,18 +7,13 @@ type Checked = Result<(), FieldError>;
 
 pub(crate) fn scene(scene: &SceneFile) -> Checked {
     if scene.version != SCENE_VERSION {
-        return Err(FieldError::new(
-            "version",
-            format!("must be {SCENE_VERSION}, got {}", scene.version),
-        ));
+        return Err(FieldError::new("version", format!("must be {SCENE_VERSION}, got {}", scene.version)));
     }
     volume(&scene.volume)?;
     if let Some([low, high]) = scene.value_range {
         finite("value_range[0]", low)?;
         finite("value_range[1]", high)?;
-        require("value_range", low < high, || {
-            format!("must ascend, got [{low}, {high}]")
-        })?;
+        require("value_range", low < high, || format!("must ascend, got [{low}, {high}]"))?;
     }
     if let Some(spacing) = scene.spacing {
         for (axis, &length) in spacing.iter().enumerate() {
@@ -40,61 +35,22 @@ pub(crate) fn scene(scene: &SceneFile) -> Checked {
         each("background", &color, 0.0, MAX_MAGNITUDE)?;
     }
     let sampling = &scene.sampling;
-    within(
-        "sampling.step_voxels",
-        sampling.step_voxels,
-        1.0 / 16.0,
-        8.0,
-    )?;
-    within(
-        "sampling.samples_per_pixel",
-        f64::from(sampling.samples_per_pixel),
-        1.0,
-        4096.0,
-    )?;
-    within(
-        "sampling.termination_transmittance",
-        sampling.termination_transmittance,
-        0.0,
-        0.5,
-    )?;
-    within(
-        "film.exposure_stops",
-        scene.film.exposure_stops,
-        -20.0,
-        20.0,
-    )?;
-    within(
-        "image.width",
-        f64::from(scene.image.width),
-        1.0,
-        f64::from(MAX_IMAGE_EDGE),
-    )?;
-    within(
-        "image.height",
-        f64::from(scene.image.height),
-        1.0,
-        f64::from(MAX_IMAGE_EDGE),
-    )
+    within("sampling.step_voxels", sampling.step_voxels, 1.0 / 16.0, 8.0)?;
+    within("sampling.samples_per_pixel", f64::from(sampling.samples_per_pixel), 1.0, 4096.0)?;
+    within("sampling.termination_transmittance", sampling.termination_transmittance, 0.0, 0.5)?;
+    within("film.exposure_stops", scene.film.exposure_stops, -20.0, 20.0)?;
+    within("image.width", f64::from(scene.image.width), 1.0, f64::from(MAX_IMAGE_EDGE))?;
+    within("image.height", f64::from(scene.image.height), 1.0, f64::from(MAX_IMAGE_EDGE))
 }
 
 fn volume(volume: &VolumeSource) -> Checked {
-    let given = [
-        volume.file.is_some(),
-        volume.builtin.is_some(),
-        volume.dataset.is_some(),
-    ];
+    let given = [volume.file.is_some(), volume.builtin.is_some(), volume.dataset.is_some()];
     require("volume", given.iter().filter(|&&g| g).count() == 1, || {
         "needs exactly one of `file`, `builtin`, `dataset`".into()
     })?;
     if let Some(dims) = volume.dims {
         for (axis, &edge) in dims.iter().enumerate() {
-            within(
-                &format!("volume.dims[{axis}]"),
-                f64::from(edge),
-                1.0,
-                f64::from(MAX_VOLUME_EDGE),
-            )?;
+            within(&format!("volume.dims[{axis}]"), f64::from(edge), 1.0, f64::from(MAX_VOLUME_EDGE))?;
         }
     }
     let raw_keys = [
@@ -103,51 +59,33 @@ fn volume(volume: &VolumeSource) -> Checked {
         ("header_bytes", volume.header_bytes.is_some()),
     ];
     for (key, given) in raw_keys {
-        require(
-            &format!("volume.{key}"),
-            !given || volume.file.is_some(),
-            || "describes a raw file; there is no `file`".into(),
-        )?;
+        require(&format!("volume.{key}"), !given || volume.file.is_some(), || {
+            "describes a raw file; there is no `file`".into()
+        })?;
     }
-    require(
-        "volume.dims",
-        volume.dims.is_none() || volume.dataset.is_none(),
-        || "a dataset has its own size".into(),
-    )
+    require("volume.dims", volume.dims.is_none() || volume.dataset.is_none(), || {
+        "a dataset has its own size".into()
+    })
 }
 
 fn transfer_function(scene: &SceneFile) -> Checked {
     let points = &scene.transfer_function.points;
-    require("transfer_function.points", !points.is_empty(), || {
-        "needs at least one point".into()
-    })?;
-    at_most(
-        "transfer_function.points",
-        points.len(),
-        MAX_TRANSFER_FUNCTION_POINTS,
-    )?;
+    require("transfer_function.points", !points.is_empty(), || "needs at least one point".into())?;
+    at_most("transfer_function.points", points.len(), MAX_TRANSFER_FUNCTION_POINTS)?;
     for (index, point) in points.iter().enumerate() {
         let at = |key: &str| format!("transfer_function.points[{index}].{key}");
         within(&at("s"), point.s, 0.0, 1.0)?;
         if let Some(before) = index.checked_sub(1).map(|i| points[i].s) {
-            require(&at("s"), point.s >= before, || {
-                format!("must ascend, got {} after {before}", point.s)
-            })?;
+            require(&at("s"), point.s >= before, || format!("must ascend, got {} after {before}", point.s))?;
         }
         match (point.extinction, point.opacity) {
             (Some(extinction), None) => within(&at("extinction"), extinction, 0.0, MAX_MAGNITUDE)?,
             (None, Some(opacity)) => within(&at("opacity"), opacity, 0.0, 1.0)?,
             (Some(_), Some(_)) => {
-                return Err(FieldError::new(
-                    at("opacity"),
-                    "is an alternative to `extinction`; give one",
-                ));
+                return Err(FieldError::new(at("opacity"), "is an alternative to `extinction`; give one"));
             }
             (None, None) => {
-                return Err(FieldError::new(
-                    at("extinction"),
-                    "is missing (or give `opacity`)",
-                ));
+                return Err(FieldError::new(at("extinction"), "is missing (or give `opacity`)"));
             }
         }
         each(&at("albedo"), &point.albedo, 0.0, 1.0)?;
@@ -155,9 +93,7 @@ fn transfer_function(scene: &SceneFile) -> Checked {
         if let Some(name) = &point.material {
             // `default` may be named without being defined: it is then isotropic.
             let known = name == "default" || scene.materials.contains_key(name);
-            require(&at("material"), known, || {
-                format!("`{name}` is not in `materials`")
-            })?;
+            require(&at("material"), known, || format!("`{name}` is not in `materials`"))?;
         }
     }
     Ok(())
@@ -202,15 +138,10 @@ fn lights(lights: &[Light]) -> Checked {
     for (index, light) in lights.iter().enumerate() {
         let at = |key: &str| format!("lights[{index}].{key}");
         let id = light.id().map_or_else(|| index.to_string(), str::to_owned);
-        require(&at("id"), !id.is_empty() && id.len() <= 64, || {
-            "must have 1 to 64 characters".into()
-        })?;
-        require(&at("id"), ids.insert(id.clone()), || {
-            format!("`{id}` names another light already")
-        })?;
+        require(&at("id"), !id.is_empty() && id.len() <= 64, || "must have 1 to 64 characters".into())?;
+        require(&at("id"), ids.insert(id.clone()), || format!("`{id}` names another light already"))?;
         let power = |key: &str, value: &Triple| each(&at(key), value, 0.0, MAX_MAGNITUDE);
-        let place =
-            |key: &str, value: &Triple| each(&at(key), value, -MAX_MAGNITUDE, MAX_MAGNITUDE);
+        let place = |key: &str, value: &Triple| each(&at(key), value, -MAX_MAGNITUDE, MAX_MAGNITUDE);
         match light {
             Light::Directional(l) => {
                 direction(&at("direction"), &l.direction)?;
@@ -225,11 +156,9 @@ fn lights(lights: &[Light]) -> Checked {
                 direction(&at("direction"), &l.direction)?;
                 power("intensity", &l.intensity)?;
                 each(&at("cone_degrees"), &l.cone_degrees, 0.0, 180.0)?;
-                require(
-                    &at("cone_degrees"),
-                    l.cone_degrees[0] <= l.cone_degrees[1],
-                    || "must ascend".into(),
-                )?;
+                require(&at("cone_degrees"), l.cone_degrees[0] <= l.cone_degrees[1], || {
+                    "must ascend".into()
+                })?;
             }
             Light::Rectangle(l) => {
                 place("center", &l.center)?;
@@ -253,11 +182,9 @@ fn lights(lights: &[Light]) -> Checked {
                 require(&format!("lights[{index}]"), environments == 1, || {
                     "is a second environment; a scene has at most one".into()
                 })?;
-                require(
-                    &at("radiance"),
-                    l.radiance.is_some() != l.image.is_some(),
-                    || "or `image`: exactly one is needed".into(),
-                )?;
+                require(&at("radiance"), l.radiance.is_some() != l.image.is_some(), || {
+                    "or `image`: exactly one is needed".into()
+                })?;
                 if let Some(radiance) = &l.radiance {
                     power("radiance", radiance)?;
                 }
@@ -274,30 +201,17 @@ fn lights(lights: &[Light]) -> Checked {
 }
 
 fn camera(camera: &Camera) -> Checked {
-    each(
-        "camera.position",
-        &camera.position,
-        -MAX_MAGNITUDE,
-        MAX_MAGNITUDE,
-    )?;
-    each(
-        "camera.target",
-        &camera.target,
-        -MAX_MAGNITUDE,
-        MAX_MAGNITUDE,
-    )?;
+    each("camera.position", &camera.position, -MAX_MAGNITUDE, MAX_MAGNITUDE)?;
+    each("camera.target", &camera.target, -MAX_MAGNITUDE, MAX_MAGNITUDE)?;
     let view: Triple = std::array::from_fn(|i| camera.target[i] - camera.position[i]);
-    require("camera.target", length(&view) > 1e-9, || {
-        "must differ from `position`".into()
-    })?;
+    require("camera.target", length(&view) > 1e-9, || "must differ from `position`".into())?;
     basis("camera.target", &view, "camera.up", &camera.up)?;
     match (camera.fov_y_degrees, camera.orthographic_height) {
         (Some(fov), None) => within("camera.fov_y_degrees", fov, 0.1, 179.0),
         (None, Some(height)) => within("camera.orthographic_height", height, 1e-6, MAX_MAGNITUDE),
-        (None, None) => Err(FieldError::new(
-            "camera.fov_y_degrees",
-            "is missing (or give `orthographic_height`)",
-        )),
+        (None, None) => {
+            Err(FieldError::new("camera.fov_y_degrees", "is missing (or give `orthographic_height`)"))
+        }
         (Some(_), Some(_)) => Err(FieldError::new(
             "camera.orthographic_height",
             "is an alternative to `fov_y_degrees`; give one",
@@ -310,44 +224,29 @@ fn clip(clip: &Clip) -> Checked {
         each("clip.box[0]", low, 0.0, 1.0)?;
         each("clip.box[1]", high, 0.0, 1.0)?;
         for axis in 0..3 {
-            require(
-                &format!("clip.box[1][{axis}]"),
-                low[axis] <= high[axis],
-                || "must not be below the lower corner".into(),
-            )?;
+            require(&format!("clip.box[1][{axis}]"), low[axis] <= high[axis], || {
+                "must not be below the lower corner".into()
+            })?;
         }
     }
     at_most("clip.planes", clip.planes.len(), MAX_CLIP_PLANES)?;
     for (index, plane) in clip.planes.iter().enumerate() {
         direction(&format!("clip.planes[{index}].normal"), &plane.normal)?;
-        within(
-            &format!("clip.planes[{index}].offset"),
-            plane.offset,
-            -MAX_MAGNITUDE,
-            MAX_MAGNITUDE,
-        )?;
+        within(&format!("clip.planes[{index}].offset"), plane.offset, -MAX_MAGNITUDE, MAX_MAGNITUDE)?;
     }
     Ok(())
 }
 
 fn require(field: &str, holds: bool, message: impl FnOnce() -> String) -> Checked {
-    if holds {
-        Ok(())
-    } else {
-        Err(FieldError::new(field, message()))
-    }
+    if holds { Ok(()) } else { Err(FieldError::new(field, message())) }
 }
 
 fn at_most(field: &str, count: usize, most: usize) -> Checked {
-    require(field, count <= most, || {
-        format!("has {count} entries, at most {most} are allowed")
-    })
+    require(field, count <= most, || format!("has {count} entries, at most {most} are allowed"))
 }
 
 fn finite(field: &str, value: f64) -> Checked {
-    require(field, value.is_finite(), || {
-        format!("must be finite, got {value}")
-    })
+    require(field, value.is_finite(), || format!("must be finite, got {value}"))
 }
 
 fn within(field: &str, value: f64, low: f64, high: f64) -> Checked {
@@ -371,9 +270,7 @@ fn length(v: &Triple) -> f64 {
 
 fn direction(field: &str, value: &Triple) -> Checked {
     each(field, value, -MAX_MAGNITUDE, MAX_MAGNITUDE)?;
-    require(field, length(value) > 1e-9, || {
-        "must not be the zero vector".into()
-    })
+    require(field, length(value) > 1e-9, || "must not be the zero vector".into())
 }
 
 /// `up` must not be parallel to `normal`.
@@ -385,9 +282,7 @@ fn basis(normal_field: &str, normal: &Triple, up_field: &str, up: &Triple) -> Ch
         normal[2] * up[0] - normal[0] * up[2],
         normal[0] * up[1] - normal[1] * up[0],
     ];
-    require(
-        up_field,
-        length(&cross) > 1e-6 * length(normal) * length(up),
-        || format!("must not be parallel to {normal_field}"),
-    )
+    require(up_field, length(&cross) > 1e-6 * length(normal) * length(up), || {
+        format!("must not be parallel to {normal_field}")
+    })
 }

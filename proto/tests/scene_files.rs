@@ -5,9 +5,7 @@ use proto::scene_file::*;
 use serde_json::json;
 
 fn error(value: serde_json::Value) -> String {
-    SceneFile::from_value(value)
-        .expect_err("must be refused")
-        .to_string()
+    SceneFile::from_value(value).expect_err("must be refused").to_string()
 }
 
 fn with(patch: serde_json::Value) -> serde_json::Value {
@@ -54,10 +52,7 @@ fn reads_every_key_of_the_contract() {
 
 #[test]
 fn opacity_becomes_extinction_as_the_contract_says() {
-    let point = |opacity| TransferFunctionPoint {
-        opacity: Some(opacity),
-        ..Default::default()
-    };
+    let point = |opacity| TransferFunctionPoint { opacity: Some(opacity), ..Default::default() };
     assert!((point(0.5).sigma_t() - 0.5f64.ln().abs() / 0.01).abs() < 1e-9);
     assert_eq!(point(1.0).sigma_t(), point(0.9999).sigma_t());
     assert_eq!(point(0.0).sigma_t(), 0.0);
@@ -71,10 +66,7 @@ fn errors_name_the_field() {
             point(json!({"s": 1, "extinction": -1})),
             "transfer_function.points[1].extinction: must be finite and >= 0",
         ),
-        (
-            point(json!({"s": 1, "extinction": "x"})),
-            "transfer_function.points[1].extinction: invalid type",
-        ),
+        (point(json!({"s": 1, "extinction": "x"})), "transfer_function.points[1].extinction: invalid type"),
         (
             point(json!({"s": 1, "opacity": 2})),
             "transfer_function.points[1].opacity: must be from 0 to 1, got 2",
@@ -83,28 +75,17 @@ fn errors_name_the_field() {
             point(json!({"s": 1, "extinction": 1, "albedo": [0, 0, 2]})),
             "transfer_function.points[1].albedo[2]: ",
         ),
-        (
-            point(json!({"s": 1})),
-            "transfer_function.points[1].extinction: is missing",
-        ),
+        (point(json!({"s": 1})), "transfer_function.points[1].extinction: is missing"),
         (
             point(json!({"s": 1, "extinction": 1, "material": "bone"})),
             "transfer_function.points[1].material: `bone` is not in",
         ),
         (
-            with(
-                json!({"lights": [{"type": "point", "position": [0, "a", 0], "intensity": [1, 1, 1]}]}),
-            ),
+            with(json!({"lights": [{"type": "point", "position": [0, "a", 0], "intensity": [1, 1, 1]}]})),
             "lights[0].position[1]: invalid type",
         ),
-        (
-            with(json!({"lights": [{"type": "torch"}]})),
-            "lights[0].type: unknown type `torch`",
-        ),
-        (
-            with(json!({"lights": [{"direction": [0, 0, 1]}]})),
-            "lights[0].type: is missing",
-        ),
+        (with(json!({"lights": [{"type": "torch"}]})), "lights[0].type: unknown type `torch`"),
+        (with(json!({"lights": [{"direction": [0, 0, 1]}]})), "lights[0].type: is missing"),
         (
             with(
                 json!({"lights": [{"type": "directional", "direction": [0, 0, 0], "irradiance": [1, 1, 1]}]}),
@@ -121,45 +102,24 @@ fn errors_name_the_field() {
             with(json!({"materials": {"m": {"phase": {"type": "isotropic", "g": 1}}}})),
             "materials.m.phase.g: unknown field",
         ),
-        (
-            with(json!({"materials": {"m": {"surface": 0.5}}})),
-            "materials.m.brdf: is missing",
-        ),
-        (
-            with(json!({"illumination": {"method": "magic"}})),
-            "illumination.method: unknown variant `magic`",
-        ),
+        (with(json!({"materials": {"m": {"surface": 0.5}}})), "materials.m.brdf: is missing"),
+        (with(json!({"illumination": {"method": "magic"}})), "illumination.method: unknown variant `magic`"),
         (
             with(
                 json!({"camera": {"position": [0, 0, 1], "target": [0, 0, 0], "up": [0, 0, 1], "fov_y_degrees": 40}}),
             ),
             "camera.up: must not be parallel",
         ),
-        (
-            with(json!({"volume": {"builtin": "pillars", "file": "x.nrrd"}})),
-            "volume: needs exactly one",
-        ),
-        (
-            with(json!({"value_range": [2, 1]})),
-            "value_range: must ascend",
-        ),
-        (
-            with(json!({"background": "sky"})),
-            "background: must be three numbers",
-        ),
-        (
-            with(json!({"scattering": {"orders": 0}})),
-            "scattering.orders: must be",
-        ),
+        (with(json!({"volume": {"builtin": "pillars", "file": "x.nrrd"}})), "volume: needs exactly one"),
+        (with(json!({"value_range": [2, 1]})), "value_range: must ascend"),
+        (with(json!({"background": "sky"})), "background: must be three numbers"),
+        (with(json!({"scattering": {"orders": 0}})), "scattering.orders: must be"),
         (with(json!({"sky": 1})), "sky: unknown field `sky`"),
         (with(json!({"version": 2})), "version: must be 1"),
     ];
     for (value, expected) in cases {
         let text = error(value);
-        assert!(
-            text.starts_with(expected),
-            "expected `{expected}`, got `{text}`"
-        );
+        assert!(text.starts_with(expected), "expected `{expected}`, got `{text}`");
     }
     let overflow = r#"{"version": 1, "volume": {"builtin": "pillars"}, "density": 1e999}"#;
     assert!(SceneFile::from_json(overflow).is_err());
@@ -173,30 +133,13 @@ fn any_light() -> impl Strategy<Value = Light> {
     let direction = triple(0.1..1.0);
     prop_oneof![
         (direction.clone(), triple(0.0..9.0)).prop_map(|(direction, irradiance)| {
-            Light::Directional(DirectionalLight {
-                id: None,
-                enabled: true,
-                direction,
-                irradiance,
-            })
+            Light::Directional(DirectionalLight { id: None, enabled: true, direction, irradiance })
         }),
-        (triple(-2.0..2.0), triple(0.0..9.0), any::<bool>()).prop_map(
-            |(position, intensity, enabled)| {
-                Light::Point(PointLight {
-                    id: None,
-                    enabled,
-                    position,
-                    intensity,
-                })
-            }
-        ),
-        (
-            triple(-2.0..2.0),
-            direction.clone(),
-            triple(0.0..9.0),
-            0.0..40.0
-        )
-            .prop_map(|(position, direction, intensity, inner)| {
+        (triple(-2.0..2.0), triple(0.0..9.0), any::<bool>()).prop_map(|(position, intensity, enabled)| {
+            Light::Point(PointLight { id: None, enabled, position, intensity })
+        }),
+        (triple(-2.0..2.0), direction.clone(), triple(0.0..9.0), 0.0..40.0).prop_map(
+            |(position, direction, intensity, inner)| {
                 Light::Spot(SpotLight {
                     id: None,
                     enabled: true,
@@ -205,40 +148,27 @@ fn any_light() -> impl Strategy<Value = Light> {
                     cone_degrees: [inner, inner + 10.0],
                     intensity,
                 })
-            }),
+            }
+        ),
         (triple(-2.0..2.0), direction, 0.0..3.0, triple(0.0..9.0)).prop_map(
             |(center, normal, radius, radiance)| {
-                Light::Disk(DiskLight {
-                    id: None,
-                    enabled: true,
-                    center,
-                    normal,
-                    radius,
-                    radiance,
-                })
+                Light::Disk(DiskLight { id: None, enabled: true, center, normal, radius, radiance })
             }
         ),
     ]
 }
 
 fn any_point() -> impl Strategy<Value = TransferFunctionPoint> {
-    (
-        any::<bool>(),
-        0.0..1.0f64,
-        triple(0.0..1.0),
-        triple(0.0..5.0),
-        any::<bool>(),
+    (any::<bool>(), 0.0..1.0f64, triple(0.0..1.0), triple(0.0..5.0), any::<bool>()).prop_map(
+        |(as_opacity, amount, albedo, emission, named)| TransferFunctionPoint {
+            s: 0.0,
+            extinction: (!as_opacity).then_some(amount * 500.0),
+            opacity: as_opacity.then_some(amount),
+            albedo,
+            emission,
+            material: named.then(|| "m".to_owned()),
+        },
     )
-        .prop_map(
-            |(as_opacity, amount, albedo, emission, named)| TransferFunctionPoint {
-                s: 0.0,
-                extinction: (!as_opacity).then_some(amount * 500.0),
-                opacity: as_opacity.then_some(amount),
-                albedo,
-                emission,
-                material: named.then(|| "m".to_owned()),
-            },
-        )
 }
 
 fn any_scene() -> impl Strategy<Value = SceneFile> {
@@ -248,46 +178,38 @@ fn any_scene() -> impl Strategy<Value = SceneFile> {
         prop::option::of((triple(1.0..3.0), 5.0..90.0)),
         prop::option::of(triple(0.0..0.5)),
         prop_oneof![Just(Orders::All), (1u32..9).prop_map(Orders::AtMost)],
-        prop_oneof![
-            Just(Background::Environment),
-            triple(0.0..1.0).prop_map(Background::Color)
-        ],
+        prop_oneof![Just(Background::Environment), triple(0.0..1.0).prop_map(Background::Color)],
         -0.9..0.9f64,
         0usize..9,
     )
-        .prop_map(
-            |(mut points, lights, camera, clip, orders, background, g, builtin)| {
-                let last = points.len().max(2) - 1;
-                for (index, point) in points.iter_mut().enumerate() {
-                    point.s = index as f64 / last as f64;
-                }
-                let mut scene = SceneFile::new(VolumeSource {
-                    builtin: Some(Builtin::ALL[builtin]),
-                    dims: Some([8, 9, 10]),
-                    ..VolumeSource::default()
-                });
-                scene.transfer_function = TransferFunction { points };
-                scene.materials.insert(
-                    "m".into(),
-                    Material {
-                        phase: Phase::HenyeyGreenstein(HenyeyGreenstein { g }),
-                        ..Material::default()
-                    },
-                );
-                scene.lights = lights;
-                scene.camera = camera.map(|(position, fov)| Camera {
-                    position,
-                    target: [0.0; 3],
-                    up: [0.0, 1.0, 0.0],
-                    fov_y_degrees: Some(fov),
-                    orthographic_height: None,
-                });
-                scene.clip.bounds = clip.map(|low| [low, [1.0; 3]]);
-                scene.scattering.orders = orders;
-                scene.background = background;
-                scene
-            },
-        )
+        .prop_map(|(mut points, lights, camera, clip, orders, background, g, builtin)| {
+            let last = points.len().max(2) - 1;
+            for (index, point) in points.iter_mut().enumerate() {
+                point.s = index as f64 / last as f64;
+            }
+            let mut scene = SceneFile::new(VolumeSource {
+                builtin: Some(Builtin::ALL[builtin]),
+                dims: Some([8, 9, 10]),
+                ..VolumeSource::default()
+            });
+            scene.transfer_function = TransferFunction { points };
+            scene.materials.insert(
+                "m".into(),
+                Material { phase: Phase::HenyeyGreenstein(HenyeyGreenstein { g }), ..Material::default() },
+            );
+            scene.lights = lights;
+            scene.camera = camera.map(|(position, fov)| Camera {
+                position,
+                target: [0.0; 3],
+                up: [0.0, 1.0, 0.0],
+                fov_y_degrees: Some(fov),
+                orthographic_height: None,
+            });
+            scene.clip.bounds = clip.map(|low| [low, [1.0; 3]]);
+            scene.scattering.orders = orders;
+            scene.background = background;
+            scene
+        })
 }
 
 proptest! {

@@ -4,9 +4,7 @@ use proto::typescript::{GENERATED_FILE, typescript};
 
 #[test]
 fn committed_web_types_are_current() {
-    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("..")
-        .join(GENERATED_FILE);
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(GENERATED_FILE);
     let committed = std::fs::read_to_string(&path).unwrap_or_default();
     assert!(
         committed == typescript(),

@@ -1,1 +1,21 @@
-//! The GPU: ray caster, film, illumination methods.
+//! The GPU: device, volume textures, ray caster, film and the illumination methods.
+//!
+//! A [`Renderer`] lives on the thread that owns submission; each viewer has a [`View`]. Drawing
+//! derives from the snapshots what has to run (see `scene::plan`) and advances by slices.
+
+mod error;
+mod film;
+mod gpu;
+mod ray_cast;
+mod renderer;
+pub mod shaders;
+mod tables;
+pub mod uniforms;
+mod view;
+mod volume_texture;
+
+pub use error::RenderError;
+pub use gpu::{AdapterPolicy, Gpu};
+pub use renderer::{DrawRequest, Drawn, METHODS_BUILT, Picture, Radiance, Renderer, check};
+pub use view::View;
+pub use volume_texture::VolumeCache;

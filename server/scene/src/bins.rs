@@ -19,7 +19,8 @@ const MAX_SORTED_VALUES: usize = 1 << 20;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bins {
     /// `edges[i] .. edges[i + 1]` is bin `i`; ascending; the first is the smallest value of the
-    /// data, the last its largest. Unused bins at the end are empty (both edges the largest).
+    /// data, the last its largest. With fewer distinct values than bins the bins at the end have both
+    /// edges at the largest value; only the last of them holds any (that value).
     pub edges: [f64; BIN_COUNT + 1],
 }
 
@@ -43,8 +44,7 @@ impl Bins {
             if in_bin * bins_left >= left && bin + 1 < BIN_COUNT {
                 bin += 1;
                 // Halfway, so that interpolation noise around a common value stays in its bin.
-                edges[bin] =
-                    (0.5 * (data_value(value) + data_value(next))).clamp(range[0], range[1]);
+                edges[bin] = (0.5 * (data_value(value) + data_value(next))).clamp(range[0], range[1]);
                 left -= in_bin;
                 in_bin = 0;
             }
@@ -123,10 +123,7 @@ fn integer_counts<T: Sync>(
                 a
             },
         );
-    let occurring = counts
-        .into_iter()
-        .enumerate()
-        .filter(|&(_, count)| count > 0);
+    let occurring = counts.into_iter().enumerate().filter(|&(_, count)| count > 0);
     occurring.map(|(i, count)| (value(i), count)).collect()
 }
 
@@ -138,34 +135,20 @@ mod tests {
     fn air_does_not_eat_the_bins() {
         let mut values = vec![0u16; 100_000];
         values.extend((0..10_000u16).map(|i| 1000 + i % 1000));
-        let bins = Bins::of(
-            &Volume::new([values.len(), 1, 1], Voxels::U16(values)),
-            [0.0, 1999.0],
-        );
+        let bins = Bins::of(&Volume::new([values.len(), 1, 1], Voxels::U16(values)), [0.0, 1999.0]);
         assert_eq!(bins.bin(0.0), 0);
         assert_eq!(bins.bin(1000.0), 1, "air has a bin of its own");
         assert_eq!(bins.bin(1999.0), 63, "the last bin is reached");
-        let populated = (0..64)
-            .filter(|&b| bins.edges[b] < bins.edges[b + 1])
-            .count();
+        let populated = (0..64).filter(|&b| bins.edges[b] < bins.edges[b + 1]).count();
         assert_eq!(populated, 64);
     }
 
     #[test]
     fn few_values_and_one_value_work() {
-        let bins = Bins::of(
-            &Volume::new([4, 1, 1], Voxels::U8(vec![0, 3, 3, 9])),
-            [0.0, 9.0],
-        );
-        assert_eq!(
-            [0.0, 3.0, 9.0].map(|v| bins.bin(v)),
-            [0, 1, 63.min(bins.bin(9.0))]
-        );
+        let bins = Bins::of(&Volume::new([4, 1, 1], Voxels::U8(vec![0, 3, 3, 9])), [0.0, 9.0]);
+        assert_eq!([0.0, 3.0, 9.0].map(|v| bins.bin(v)), [0, 1, 63.min(bins.bin(9.0))]);
         assert!(bins.bin(3.0) != bins.bin(9.0));
-        let one = Bins::of(
-            &Volume::new([2, 1, 1], Voxels::F32(vec![5.0, 5.0])),
-            [5.0, 5.0],
-        );
+        let one = Bins::of(&Volume::new([2, 1, 1], Voxels::F32(vec![5.0, 5.0])), [5.0, 5.0]);
         assert_eq!(one.mask_of_interval(5.0, 5.0).count_ones(), 1);
     }
 
@@ -181,10 +164,7 @@ mod tests {
     #[test]
     fn masks_are_contiguous_and_exact() {
         let values: Vec<f32> = (0..6400).map(|i| i as f32).collect();
-        let bins = Bins::of(
-            &Volume::new([6400, 1, 1], Voxels::F32(values)),
-            [0.0, 6399.0],
-        );
+        let bins = Bins::of(&Volume::new([6400, 1, 1], Voxels::F32(values)), [0.0, 6399.0]);
         let mask = bins.mask_of_interval(250.0, 899.0);
         for bin in 0..BIN_COUNT {
             let [low, high] = bins.interval(bin);

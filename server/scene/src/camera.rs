@@ -45,20 +45,12 @@ impl Camera {
         let forward = (DVec3::from_array(camera.target) - eye).normalize();
         let right = forward.cross(DVec3::from_array(camera.up)).normalize();
         let projection = match (camera.orthographic_height, camera.fov_y_degrees) {
-            (Some(height), _) => Projection::Orthographic {
-                half_height: 0.5 * height,
-            },
+            (Some(height), _) => Projection::Orthographic { half_height: 0.5 * height },
             (None, fov) => Projection::Perspective {
                 tan_half_fov_y: (0.5 * fov.unwrap_or(DEFAULT_FOV_Y_DEGREES).to_radians()).tan(),
             },
         };
-        Self {
-            eye,
-            forward,
-            right,
-            up: right.cross(forward),
-            projection,
-        }
+        Self { eye, forward, right, up: right.cross(forward), projection }
     }
 
     /// The view a scene without a camera gets: anatomical data from the front (looking along +y,
@@ -85,10 +77,9 @@ impl Camera {
         // -1..1 over the height, square pixels.
         let (u, v) = ((2.0 * x - width) / height, (height - 2.0 * y) / height);
         match self.projection {
-            Projection::Perspective { tan_half_fov_y: t } => (
-                self.eye,
-                (self.forward + t * (u * self.right + v * self.up)).normalize(),
-            ),
+            Projection::Perspective { tan_half_fov_y: t } => {
+                (self.eye, (self.forward + t * (u * self.right + v * self.up)).normalize())
+            }
             Projection::Orthographic { half_height: h } => {
                 (self.eye + h * (u * self.right + v * self.up), self.forward)
             }
@@ -106,19 +97,10 @@ mod tests {
         let (_, center) = camera.ray(50.0, 25.0, 100, 50);
         assert!((center - DVec3::NEG_Z).length() < 1e-12);
         let (_, corner) = camera.ray(100.0, 0.0, 100, 50);
-        assert!(
-            corner.x > 0.0 && corner.y > 0.0,
-            "upper right corner looks right and up"
-        );
+        assert!(corner.x > 0.0 && corner.y > 0.0, "upper right corner looks right and up");
         let t = 20f64.to_radians().tan();
-        assert!(
-            (corner.y / -corner.z - t).abs() < 1e-12,
-            "fov is the vertical angle"
-        );
-        assert!(
-            (corner.x / -corner.z - 2.0 * t).abs() < 1e-12,
-            "square pixels"
-        );
+        assert!((corner.y / -corner.z - t).abs() < 1e-12, "fov is the vertical angle");
+        assert!((corner.x / -corner.z - 2.0 * t).abs() < 1e-12, "square pixels");
     }
 
     #[test]

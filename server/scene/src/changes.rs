@@ -47,14 +47,12 @@ pub struct Changes {
 impl Changes {
     /// What turns `old` into `new`.
     pub fn between(old: &Scene, new: &Scene) -> Self {
-        let same_voxels =
-            Arc::ptr_eq(&old.volume, &new.volume) || old.volume.content == new.volume.content;
+        let same_voxels = Arc::ptr_eq(&old.volume, &new.volume) || old.volume.content == new.volume.content;
         let volume = !same_voxels || old.grid != new.grid || old.filter != new.filter;
         let bins = if volume {
             u64::MAX
         } else {
-            old.classification()
-                .changed_bins(&new.classification(), &new.volume.bins)
+            old.classification().changed_bins(&new.classification(), &new.volume.bins)
         };
         let (a, b) = (&old.sampling, &new.sampling);
         Self {
@@ -96,10 +94,7 @@ impl Changes {
         say(self.ray_sampling, "ray sampling");
         say(self.film, "exposure or tone mapping");
         if self.bins != 0 && !self.volume {
-            words.push(format!(
-                "transfer function in {} of 64 bins",
-                self.bins.count_ones()
-            ));
+            words.push(format!("transfer function in {} of 64 bins", self.bins.count_ones()));
         }
         for (id, change) in &self.lights {
             let verb = match change {
@@ -128,9 +123,7 @@ fn light_changes(old: &[Light], new: &[Light]) -> Vec<(String, LightChange)> {
             Some(_) => {}
         }
     }
-    let gone = old
-        .iter()
-        .filter(|light| new.iter().all(|other| other.id != light.id));
+    let gone = old.iter().filter(|light| new.iter().all(|other| other.id != light.id));
     changes.extend(gone.map(|light| (light.id.clone(), LightChange::Removed)));
     changes
 }

@@ -17,15 +17,10 @@ pub struct Clip {
 impl Clip {
     /// From the checked file form.
     pub fn from_file(clip: &file::Clip) -> Self {
-        let planes = clip
-            .planes
-            .iter()
-            .map(|plane| (DVec3::from_array(plane.normal).normalize(), plane.offset));
+        let planes =
+            clip.planes.iter().map(|plane| (DVec3::from_array(plane.normal).normalize(), plane.offset));
         Self {
-            bounds: clip
-                .bounds
-                .unwrap_or([[0.0; 3], [1.0; 3]])
-                .map(DVec3::from_array),
+            bounds: clip.bounds.unwrap_or([[0.0; 3], [1.0; 3]]).map(DVec3::from_array),
             planes: planes.collect(),
             shadows: clip.shadows,
         }

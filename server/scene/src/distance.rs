@@ -9,16 +9,8 @@ pub const MAX_DISTANCE: u8 = 255;
 
 /// Distance of every cell, x fastest. `dims` are cells along x, y, z.
 pub fn distance_map(dims: [usize; 3], masks: &[u64], bins_with_matter: u64) -> Vec<u8> {
-    let mut distance: Vec<u8> = masks
-        .iter()
-        .map(|mask| {
-            if mask & bins_with_matter != 0 {
-                0
-            } else {
-                MAX_DISTANCE
-            }
-        })
-        .collect();
+    let mut distance: Vec<u8> =
+        masks.iter().map(|mask| if mask & bins_with_matter != 0 { 0 } else { MAX_DISTANCE }).collect();
     // All 26 neighbours are at Chebyshev distance 1, so two raster passes (over the 13 neighbours
     // before a cell, then over the 13 after it) give the distance exactly (Rosenfeld, Pfaltz 1968).
     sweep(&mut distance, dims, false);
@@ -40,11 +32,7 @@ fn sweep(distance: &mut [u8], dims: [usize; 3], backward: bool) {
         if distance[at] == 0 {
             continue;
         }
-        let (x, y, z) = (
-            at as isize % nx,
-            at as isize / nx % ny,
-            at as isize / (nx * ny),
-        );
+        let (x, y, z) = (at as isize % nx, at as isize / nx % ny, at as isize / (nx * ny));
         let mut nearest = distance[at];
         for &[dx, dy, dz] in &before {
             let (x, y, z) = (x + sign * dx, y + sign * dy, z + sign * dz);
@@ -63,9 +51,7 @@ mod tests {
     #[test]
     fn equals_brute_force() {
         let dims = [9, 7, 5];
-        let masks: Vec<u64> = (0..315u64)
-            .map(|i| u64::from((i * 2654435761) % 97 == 0))
-            .collect();
+        let masks: Vec<u64> = (0..315u64).map(|i| u64::from((i * 2654435761) % 97 == 0)).collect();
         let map = distance_map(dims, &masks, 1);
         let coordinates = |i: usize| [i % 9, i / 9 % 7, i / 63].map(|x| x as i64);
         for i in 0..315 {
@@ -83,10 +69,6 @@ mod tests {
 
     #[test]
     fn empty_volume_is_far_everywhere() {
-        assert!(
-            distance_map([4, 4, 4], &[2; 64], 1)
-                .iter()
-                .all(|&d| d == MAX_DISTANCE)
-        );
+        assert!(distance_map([4, 4, 4], &[2; 64], 1).iter().all(|&d| d == MAX_DISTANCE));
     }
 }

@@ -17,15 +17,9 @@ pub struct Grid {
 impl Grid {
     /// Geometry of `dims` voxels with edges `spacing` (any unit, positive).
     pub fn new(dims: [usize; 3], spacing: [f64; 3]) -> Self {
-        let extent = DVec3::from_array(std::array::from_fn(|axis| {
-            dims[axis] as f64 * spacing[axis]
-        }));
+        let extent = DVec3::from_array(std::array::from_fn(|axis| dims[axis] as f64 * spacing[axis]));
         let world_from_spacing = 1.0 / extent.max_element();
-        Self {
-            dims,
-            size_world: extent * world_from_spacing,
-            world_from_spacing,
-        }
+        Self { dims, size_world: extent * world_from_spacing, world_from_spacing }
     }
 
     /// Edges of one voxel, world units.

@@ -15,6 +15,7 @@ pub mod macrocells;
 pub mod material;
 pub mod plan;
 pub mod prepared;
+pub mod scattering;
 pub mod scene;
 pub mod transfer_function;
 pub mod volume;

@@ -62,62 +62,27 @@ impl Light {
         let v = DVec3::from_array;
         let unit = |a: [f64; 3]| v(a).normalize();
         let (geometry, power) = match light {
-            file::Light::Directional(l) => (
-                LightGeometry::Directional {
-                    direction: unit(l.direction),
-                },
-                l.irradiance,
-            ),
-            file::Light::Point(l) => (
-                LightGeometry::Point {
-                    position: v(l.position),
-                },
-                l.intensity,
-            ),
+            file::Light::Directional(l) => {
+                (LightGeometry::Directional { direction: unit(l.direction) }, l.irradiance)
+            }
+            file::Light::Point(l) => (LightGeometry::Point { position: v(l.position) }, l.intensity),
             file::Light::Spot(l) => {
                 let [inner, outer] = l.cone_degrees.map(|degrees| degrees.to_radians().cos());
                 let (position, direction) = (v(l.position), unit(l.direction));
-                (
-                    LightGeometry::Spot {
-                        position,
-                        direction,
-                        cos_inner: inner,
-                        cos_outer: outer,
-                    },
-                    l.intensity,
-                )
+                (LightGeometry::Spot { position, direction, cos_inner: inner, cos_outer: outer }, l.intensity)
             }
             file::Light::Rectangle(l) => {
                 let normal = unit(l.normal);
                 let up = (v(l.up) - normal * normal.dot(v(l.up))).normalize();
-                (
-                    LightGeometry::Rectangle {
-                        center: v(l.center),
-                        normal,
-                        up,
-                        size: l.size,
-                    },
-                    l.radiance,
-                )
+                (LightGeometry::Rectangle { center: v(l.center), normal, up, size: l.size }, l.radiance)
             }
             file::Light::Disk(l) => {
                 let (center, normal) = (v(l.center), unit(l.normal));
-                (
-                    LightGeometry::Disk {
-                        center,
-                        normal,
-                        radius: l.radius,
-                    },
-                    l.radiance,
-                )
+                (LightGeometry::Disk { center, normal, radius: l.radius }, l.radiance)
             }
-            file::Light::Sphere(l) => (
-                LightGeometry::Sphere {
-                    center: v(l.center),
-                    radius: l.radius,
-                },
-                l.radiance,
-            ),
+            file::Light::Sphere(l) => {
+                (LightGeometry::Sphere { center: v(l.center), radius: l.radius }, l.radiance)
+            }
             file::Light::Environment(l) => match l.radiance {
                 Some(radiance) => (LightGeometry::UniformEnvironment, radiance),
                 None if !l.enabled => return Ok(None),
@@ -131,10 +96,6 @@ impl Light {
         };
         let id = light.id().map_or_else(|| index.to_string(), str::to_owned);
         let shines = light.enabled() && power.iter().any(|&x| x > 0.0);
-        Ok(shines.then_some(Self {
-            id,
-            geometry,
-            power: v(power),
-        }))
+        Ok(shines.then_some(Self { id, geometry, power: v(power) }))
     }
 }

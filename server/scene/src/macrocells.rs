@@ -41,11 +41,7 @@ impl Macrocells {
             })
             .collect();
         let (linear, nearest) = layers.into_iter().flatten().unzip();
-        Self {
-            dims,
-            linear,
-            nearest,
-        }
+        Self { dims, linear, nearest }
     }
 
     /// One mask per cell for the filter the samples use.
@@ -81,9 +77,8 @@ fn layer_masks_of<T: Copy + PartialOrd>(
 ) -> Vec<(u64, u64)> {
     let data_value = |stored: T| volume.slope * to_f64(stored) + volume.intercept;
     let inner = |cell: usize, n: usize| cell * MACROCELL_EDGE..((cell + 1) * MACROCELL_EDGE).min(n);
-    let footprint = |range: &std::ops::Range<usize>, n: usize| {
-        range.start.saturating_sub(1)..(range.end + 1).min(n)
-    };
+    let footprint =
+        |range: &std::ops::Range<usize>, n: usize| range.start.saturating_sub(1)..(range.end + 1).min(n);
     let [nx, ny, nz] = volume.dims;
     let mut masks = Vec::with_capacity(cells[0] * cells[1]);
     for cell_y in 0..cells[1] {
@@ -134,13 +129,8 @@ mod tests {
                 let x = p[axis] - 0.5;
                 let base = x.floor();
                 let upper = corner >> axis & 1;
-                weight *= if upper == 1 {
-                    x - base
-                } else {
-                    1.0 - (x - base)
-                };
-                at[axis] =
-                    (base as i64 + upper as i64).clamp(0, volume.dims[axis] as i64 - 1) as usize;
+                weight *= if upper == 1 { x - base } else { 1.0 - (x - base) };
+                at[axis] = (base as i64 + upper as i64).clamp(0, volume.dims[axis] as i64 - 1) as usize;
             }
             sum += weight * volume.value(at[0], at[1], at[2]);
         }
@@ -162,25 +152,16 @@ mod tests {
         let cells = Macrocells::of(&volume, &bins, &|_| {});
         assert_eq!(cells.dims, [3, 2, 4]);
         for i in 0..20_000 {
-            let u = |k: u32| {
-                f64::from((i * 2 + 1) as u32 ^ 0x9e37)
-                    .mul_add(0.618 * f64::from(k), 0.3)
-                    .fract()
-            };
+            let u =
+                |k: u32| f64::from((i * 2 + 1) as u32 ^ 0x9e37).mul_add(0.618 * f64::from(k), 0.3).fract();
             let p = [u(1) * 19.0, u(3) * 9.0, u(7) * 25.0];
             let cell = p.map(|x| x as usize / MACROCELL_EDGE);
             let index = (cell[2] * cells.dims[1] + cell[1]) * cells.dims[0] + cell[0];
             let bin = bins.bin(sample(&volume, p));
-            assert!(
-                cells.masks(Filter::Linear)[index] >> bin & 1 == 1,
-                "sample {p:?}"
-            );
+            assert!(cells.masks(Filter::Linear)[index] >> bin & 1 == 1, "sample {p:?}");
             let v = p.map(|x| x as usize);
             let bin = bins.bin(volume.value(v[0], v[1], v[2]));
-            assert!(
-                cells.masks(Filter::Nearest)[index] >> bin & 1 == 1,
-                "voxel {v:?}"
-            );
+            assert!(cells.masks(Filter::Nearest)[index] >> bin & 1 == 1, "voxel {v:?}");
         }
     }
 }

@@ -19,11 +19,7 @@ impl Material {
         let shines = file.surface > 0.0;
         Self {
             phase: file.phase.clone(),
-            surface: if file.brdf.is_some() {
-                file.surface
-            } else {
-                0.0
-            },
+            surface: if file.brdf.is_some() { file.surface } else { 0.0 },
             brdf: file.brdf.clone().filter(|_| shines),
         }
     }

@@ -61,6 +61,19 @@ pub struct Plan {
     pub changes: Vec<String>,
     /// Every pass once, in order.
     pub passes: Vec<PlannedPass>,
+    /// What becomes of the film.
+    pub film: FilmPlan,
+}
+
+/// What becomes of the film.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FilmPlan {
+    /// It stays as it is.
+    Keep,
+    /// Samples are added to those it holds.
+    Refine,
+    /// It starts again.
+    Restart,
 }
 
 /// Size of the picture and how well it is to be sampled.
@@ -109,31 +122,21 @@ impl Plan {
         let pixels = u64::from(target.width) * u64::from(target.height);
         let cells: usize = scene.volume.macrocells.dims.iter().product();
         let ray_cast = ray_cast(caches.film, scene, target);
-        let samples_missing = match &ray_cast {
-            Ok((_, samples)) => u64::from(*samples),
-            Err(_) => 0,
+        let (film, samples_missing) = match &ray_cast {
+            Ok((_, film, samples)) => (*film, u64::from(*samples)),
+            Err(_) => (FilmPlan::Keep, 0),
         };
-        let film_runs = ray_cast.is_ok();
+        let film_runs = film != FilmPlan::Keep;
         let mut passes = Vec::new();
         let mut plan = |pass, verdict: Verdict, work: u64, unit| {
             let (runs, reason) = match verdict {
                 Ok(reason) => (true, reason),
                 Err(reason) => (false, reason),
             };
-            passes.push(PlannedPass {
-                pass,
-                runs,
-                reason,
-                work: if runs { work } else { 0 },
-                unit,
-            });
+            passes.push(PlannedPass { pass, runs, reason, work: if runs { work } else { 0 }, unit });
         };
         let tables_needed = |verdict: Verdict| {
-            if film_runs {
-                verdict
-            } else {
-                Err("no ray will be cast".to_owned())
-            }
+            if film_runs { verdict } else { Err("no ray will be cast".to_owned()) }
         };
         plan(
             Pass::UploadVolume,
@@ -159,29 +162,16 @@ impl Plan {
             scene.lights.len() as u64,
             "lights",
         );
-        plan(
-            Pass::RayCast,
-            ray_cast.map(|(reason, _)| reason),
-            pixels * samples_missing,
-            "pixel samples",
-        );
-        plan(
-            Pass::ToneMap,
-            tone_map(caches.picture, scene, target, film_runs),
-            pixels,
-            "pixels",
-        );
-        let changes = caches.film.map_or_else(Vec::new, |film| {
-            Changes::between(film.scene, scene).in_words()
-        });
-        Self { changes, passes }
+        plan(Pass::RayCast, ray_cast.map(|(reason, ..)| reason), pixels * samples_missing, "pixel samples");
+        plan(Pass::ToneMap, tone_map(caches.picture, scene, target, film_runs), pixels, "pixels");
+        let changes =
+            caches.film.map_or_else(Vec::new, |film| Changes::between(film.scene, scene).in_words());
+        Self { changes, passes, film }
     }
 
     /// Whether a pass runs.
     pub fn runs(&self, pass: Pass) -> bool {
-        self.passes
-            .iter()
-            .any(|planned| planned.pass == pass && planned.runs)
+        self.passes.iter().any(|planned| planned.pass == pass && planned.runs)
     }
 
     /// Whether nothing runs.
@@ -213,10 +203,7 @@ fn upload_volume(cached: Option<&Scene>, scene: &Scene) -> Verdict {
 fn upload_transfer_function(cached: Option<&Scene>, scene: &Scene) -> Verdict {
     match cached {
         None => Ok("not on the GPU yet".into()),
-        Some(old)
-            if old.transfer_function == scene.transfer_function
-                && old.materials == scene.materials =>
-        {
+        Some(old) if old.transfer_function == scene.transfer_function && old.materials == scene.materials => {
             Err("same transfer function and materials".into())
         }
         Some(_) => Ok("transfer function or materials edited".into()),
@@ -248,21 +235,18 @@ fn upload_lights(cached: Option<&Scene>, scene: &Scene) -> Verdict {
     }
 }
 
-/// Reason and samples per pixel to add, or why no ray needs to be cast.
+/// Reason, what becomes of the film and samples per pixel to add; or why no ray needs to be cast.
 fn ray_cast(
     film: Option<FilmState<'_>>,
     scene: &Scene,
     target: Target,
-) -> Result<(String, u32), String> {
-    let from_scratch = |reason: String| Ok((reason, target.samples_per_pixel));
+) -> Result<(String, FilmPlan, u32), String> {
+    let from_scratch = |reason: String| Ok((reason, FilmPlan::Restart, target.samples_per_pixel));
     let Some(film) = film else {
         return from_scratch("the film is empty".into());
     };
     if (film.held.width, film.held.height) != (target.width, target.height) {
-        return from_scratch(format!(
-            "image size is now {} x {}",
-            target.width, target.height
-        ));
+        return from_scratch(format!("image size is now {} x {}", target.width, target.height));
     }
     let changes = Changes::between(film.scene, scene);
     let occurring = scene.volume.macrocells.occurring(scene.filter);
@@ -271,11 +255,7 @@ fn ray_cast(
         clip_shadows: false,
         orders: false,
         film: false,
-        bins: if changes.volume {
-            u64::MAX
-        } else {
-            changes.bins & occurring
-        },
+        bins: if changes.volume { u64::MAX } else { changes.bins & occurring },
         ..changes.clone()
     };
     // Light on nothing, or on matter that scatters nothing, cannot be seen.
@@ -292,49 +272,33 @@ fn ray_cast(
                 "refining from {} to {} samples per pixel",
                 film.held.samples_per_pixel, target.samples_per_pixel
             ),
+            FilmPlan::Refine,
             missing,
         ));
     }
     Err(if changes.is_empty() {
         "nothing changed".into()
     } else {
-        format!(
-            "{} cannot be seen on the film",
-            changes.in_words().join(", ")
-        )
+        format!("{} cannot be seen on the film", changes.in_words().join(", "))
     })
 }
 
 /// Whether any matter that occurs in the volume scatters light.
 fn anything_scatters(scene: &Scene) -> bool {
     let occurring = scene.volume.macrocells.occurring(scene.filter);
-    let surfaces = scene
-        .materials
-        .iter()
-        .any(|material| material.surface > 0.0);
-    let albedo = scene
-        .transfer_function
-        .points
-        .iter()
-        .any(|p| p.albedo.max_element() > 0.0);
+    let surfaces = scene.materials.iter().any(|material| material.surface > 0.0);
+    let albedo = scene.transfer_function.points.iter().any(|p| p.albedo.max_element() > 0.0);
     (surfaces || albedo) && scene.bins_with_matter() & occurring != 0
 }
 
-fn tone_map(
-    picture: Option<FilmState<'_>>,
-    scene: &Scene,
-    target: Target,
-    film_runs: bool,
-) -> Verdict {
+fn tone_map(picture: Option<FilmState<'_>>, scene: &Scene, target: Target, film_runs: bool) -> Verdict {
     if film_runs {
         return Ok("the film changes".into());
     }
     match picture {
         None => Ok("no picture yet".into()),
         Some(old) if old.scene.film != scene.film => Ok("exposure or tone mapping edited".into()),
-        Some(old)
-            if old.held != target && old.held.samples_per_pixel < target.samples_per_pixel =>
-        {
+        Some(old) if old.held != target && old.held.samples_per_pixel < target.samples_per_pixel => {
             Ok("the film holds more samples".into())
         }
         Some(_) => Err("same film, same operator".into()),
@@ -352,27 +316,18 @@ mod tests {
     use crate::prepared::PreparedVolume;
     use crate::volume::{Volume, Voxels};
 
-    const TARGET: Target = Target {
-        width: 64,
-        height: 48,
-        samples_per_pixel: 4,
-    };
+    const TARGET: Target = Target { width: 64, height: 48, samples_per_pixel: 4 };
 
     fn volume() -> Arc<PreparedVolume> {
         let voxels = (0..16 * 16 * 16).map(|i| (i % 199) as u8).collect();
-        Arc::new(PreparedVolume::new(
-            Volume::new([16; 3], Voxels::U8(voxels)),
-            &|_| {},
-        ))
+        Arc::new(PreparedVolume::new(Volume::new([16; 3], Voxels::U8(voxels)), &|_| {}))
     }
 
     fn scene(volume: &Arc<PreparedVolume>, patch: serde_json::Value) -> Scene {
-        let source = VolumeSource {
-            builtin: Some(Builtin::Pillars),
-            ..VolumeSource::default()
-        };
+        let source = VolumeSource { builtin: Some(Builtin::Pillars), ..VolumeSource::default() };
         let mut file = serde_json::to_value(SceneFile::new(source)).unwrap();
-        file["lights"] = json!([{"id": "sun", "type": "directional", "direction": [0, -1, 0], "irradiance": [1, 1, 1]}]);
+        file["lights"] =
+            json!([{"id": "sun", "type": "directional", "direction": [0, -1, 0], "irradiance": [1, 1, 1]}]);
         for (key, value) in patch.as_object().unwrap() {
             file[key] = value.clone();
         }
@@ -381,10 +336,7 @@ mod tests {
 
     /// Names of the passes that run when `old` is complete and `new` is asked for.
     fn running(old: &Scene, new: &Scene) -> Vec<&'static str> {
-        let state = FilmState {
-            scene: old,
-            held: TARGET,
-        };
+        let state = FilmState { scene: old, held: TARGET };
         let caches = Caches {
             volume: Some(old),
             transfer_function: Some(old),
@@ -394,11 +346,7 @@ mod tests {
             picture: Some(state),
         };
         let plan = Plan::new(&caches, new, TARGET);
-        plan.passes
-            .iter()
-            .filter(|p| p.runs)
-            .map(|p| p.pass.name())
-            .collect()
+        plan.passes.iter().filter(|p| p.runs).map(|p| p.pass.name()).collect()
     }
 
     #[test]
@@ -406,11 +354,7 @@ mod tests {
         let volume = volume();
         let plan = Plan::new(&Caches::default(), &scene(&volume, json!({})), TARGET);
         assert!(plan.passes.iter().all(|p| p.runs), "{plan:?}");
-        let cast = plan
-            .passes
-            .iter()
-            .find(|p| p.pass == Pass::RayCast)
-            .unwrap();
+        let cast = plan.passes.iter().find(|p| p.pass == Pass::RayCast).unwrap();
         assert_eq!(cast.work, 64 * 48 * 4);
     }
 
@@ -425,8 +369,7 @@ mod tests {
     fn each_edit_runs_what_it_needs() {
         let volume = volume();
         let old = scene(&volume, json!({}));
-        let check =
-            |patch, expected: &[&str]| assert_eq!(running(&old, &scene(&volume, patch)), expected);
+        let check = |patch, expected: &[&str]| assert_eq!(running(&old, &scene(&volume, patch)), expected);
         let tf = |points| json!({"transfer_function": {"points": points}});
         let ramp = |top: f64| json!([{"s": 0, "extinction": 0}, {"s": 0.15, "extinction": 0}, {"s": 1, "extinction": top}]);
         check(
@@ -434,32 +377,16 @@ mod tests {
             &["ray_cast", "tone_map"],
         );
         check(json!({"film": {"exposure_stops": 1}}), &["tone_map"]);
+        check(tf(ramp(90.0)), &["upload_transfer_function", "ray_cast", "tone_map"]);
         check(
-            tf(ramp(90.0)),
-            &["upload_transfer_function", "ray_cast", "tone_map"],
+            tf(json!([{"s": 0, "extinction": 0}, {"s": 0.5, "extinction": 0}, {"s": 1, "extinction": 60}])),
+            &["upload_transfer_function", "distance_map", "ray_cast", "tone_map"],
         );
-        check(
-            tf(
-                json!([{"s": 0, "extinction": 0}, {"s": 0.5, "extinction": 0}, {"s": 1, "extinction": 60}]),
-            ),
-            &[
-                "upload_transfer_function",
-                "distance_map",
-                "ray_cast",
-                "tone_map",
-            ],
-        );
-        check(
-            json!({"lights": []}),
-            &["upload_lights", "ray_cast", "tone_map"],
-        );
+        check(json!({"lights": []}), &["upload_lights", "ray_cast", "tone_map"]);
         check(json!({"scattering": {"orders": 1}}), &[]);
         check(json!({"clip": {"shadows": false}}), &[]);
         check(json!({"sampling": {"skip_empty": false}}), &[]);
-        check(
-            json!({"clip": {"box": [[0, 0, 0], [1, 1, 0.5]]}}),
-            &["ray_cast", "tone_map"],
-        );
+        check(json!({"clip": {"box": [[0, 0, 0], [1, 1, 0.5]]}}), &["ray_cast", "tone_map"]);
     }
 
     #[test]
@@ -467,10 +394,7 @@ mod tests {
         let volume = volume();
         let black = json!([{"s": 0, "extinction": 9, "albedo": [0, 0, 0], "emission": [1, 1, 1]}]);
         let old = scene(&volume, json!({"transfer_function": {"points": black}}));
-        let new = scene(
-            &volume,
-            json!({"transfer_function": {"points": black}, "lights": []}),
-        );
+        let new = scene(&volume, json!({"transfer_function": {"points": black}, "lights": []}));
         assert_eq!(running(&old, &new), [""; 0]);
     }
 
@@ -478,13 +402,7 @@ mod tests {
     fn more_samples_refine_without_uploads() {
         let volume = volume();
         let old = scene(&volume, json!({}));
-        let state = FilmState {
-            scene: &old,
-            held: Target {
-                samples_per_pixel: 1,
-                ..TARGET
-            },
-        };
+        let state = FilmState { scene: &old, held: Target { samples_per_pixel: 1, ..TARGET } };
         let caches = Caches {
             film: Some(state),
             volume: Some(&old),
@@ -494,11 +412,7 @@ mod tests {
             picture: Some(state),
         };
         let plan = Plan::new(&caches, &old, TARGET);
-        let cast = plan
-            .passes
-            .iter()
-            .find(|p| p.pass == Pass::RayCast)
-            .unwrap();
+        let cast = plan.passes.iter().find(|p| p.pass == Pass::RayCast).unwrap();
         assert_eq!((cast.runs, cast.work), (true, 64 * 48 * 3));
         assert!(!plan.runs(Pass::UploadLights) && plan.runs(Pass::ToneMap));
     }

@@ -38,14 +38,7 @@ impl PreparedVolume {
         let macrocells = Macrocells::of(&volume, &bins, &|share| progress(0.5 + 0.4 * share));
         let content = content_hash(&volume);
         progress(1.0);
-        Self {
-            volume,
-            content,
-            range,
-            bins,
-            macrocells,
-            histogram,
-        }
+        Self { volume, content, range, bins, macrocells, histogram }
     }
 
     /// The content hash as 64 hexadecimal digits.
@@ -55,12 +48,7 @@ impl PreparedVolume {
 }
 
 fn stored_range<T: Copy + PartialOrd + Send + Sync>(values: &[T]) -> Option<(T, T)> {
-    let wider = |a: (T, T), b: (T, T)| {
-        (
-            if b.0 < a.0 { b.0 } else { a.0 },
-            if b.1 > a.1 { b.1 } else { a.1 },
-        )
-    };
+    let wider = |a: (T, T), b: (T, T)| (if b.0 < a.0 { b.0 } else { a.0 }, if b.1 > a.1 { b.1 } else { a.1 });
     values.par_iter().map(|&x| (x, x)).reduce_with(wider)
 }
 
@@ -77,11 +65,7 @@ fn data_range(volume: &Volume) -> [f64; 2] {
 }
 
 fn histogram(volume: &Volume, [low, high]: [f64; 2]) -> Vec<u64> {
-    let scale = if high > low {
-        HISTOGRAM_BUCKETS as f64 / (high - low)
-    } else {
-        0.0
-    };
+    let scale = if high > low { HISTOGRAM_BUCKETS as f64 / (high - low) } else { 0.0 };
     let bucket = |stored: f32| {
         let value = volume.slope * f64::from(stored) + volume.intercept;
         (((value - low) * scale) as usize).min(HISTOGRAM_BUCKETS - 1)
@@ -134,9 +118,6 @@ mod tests {
         let same = PreparedVolume::new(volume.clone(), &|_| {});
         assert_eq!(prepared.content, same.content);
         volume.slope = 3.0;
-        assert_ne!(
-            prepared.content,
-            PreparedVolume::new(volume, &|_| {}).content
-        );
+        assert_ne!(prepared.content, PreparedVolume::new(volume, &|_| {}).content);
     }
 }

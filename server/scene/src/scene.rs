@@ -76,10 +76,7 @@ impl Scene {
             Background::Color(color) => DVec3::from_array(color),
             Background::Environment => uniform_environment(&lights),
         };
-        let grid = Grid::new(
-            volume.volume.dims,
-            file.spacing.unwrap_or(volume.volume.spacing),
-        );
+        let grid = Grid::new(volume.volume.dims, file.spacing.unwrap_or(volume.volume.spacing));
         Ok(Self {
             filter: file.volume.filter,
             grid,
@@ -120,8 +117,6 @@ impl Scene {
 
 /// Radiance of the uniform environment light, black without one.
 fn uniform_environment(lights: &[Light]) -> DVec3 {
-    let environment = lights
-        .iter()
-        .find(|l| l.geometry == LightGeometry::UniformEnvironment);
+    let environment = lights.iter().find(|l| l.geometry == LightGeometry::UniformEnvironment);
     environment.map_or(DVec3::ZERO, |light| light.power)
 }

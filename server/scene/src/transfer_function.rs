@@ -44,9 +44,7 @@ impl TransferFunction {
             materials.push(Material::from_file(material));
         }
         let material = |name: &Option<String>| {
-            name.as_deref()
-                .and_then(|name| names.iter().position(|&n| n == name))
-                .map_or(0, |i| i + 1)
+            name.as_deref().and_then(|name| names.iter().position(|&n| n == name)).map_or(0, |i| i + 1)
         };
         let points = file.transfer_function.points.iter().map(|point| Point {
             s: point.s,
@@ -55,12 +53,7 @@ impl TransferFunction {
             emission: DVec3::from_array(point.emission),
             material: material(&point.material),
         });
-        (
-            Self {
-                points: points.collect(),
-            },
-            materials,
-        )
+        (Self { points: points.collect() }, materials)
     }
 
     /// Matter just above `s` (the value at `s` itself).
@@ -93,10 +86,7 @@ impl TransferFunction {
     /// Whether extinction is above 0 anywhere in the closed interval.
     fn has_matter(&self, low: f64, high: f64) -> bool {
         let inside = self.points.iter().filter(|p| (low..=high).contains(&p.s));
-        [self.at(low), self.at(high)]
-            .iter()
-            .chain(inside)
-            .any(|p| p.sigma_t > 0.0)
+        [self.at(low), self.at(high)].iter().chain(inside).any(|p| p.sigma_t > 0.0)
     }
 }
 
@@ -115,11 +105,7 @@ impl Classification<'_> {
     /// `s` of a data value, not clamped (the function is constant beyond the ends).
     fn s(&self, value: f64) -> f64 {
         let [low, high] = self.value_range;
-        if high > low {
-            (value - low) / (high - low)
-        } else {
-            0.0
-        }
+        if high > low { (value - low) / (high - low) } else { 0.0 }
     }
 
     /// Bins in which matter can occur.
@@ -138,16 +124,11 @@ impl Classification<'_> {
     fn mask(&self, bins: &Bins, holds: impl Fn(f64, f64) -> bool) -> u64 {
         let data_range = bins.edges[BIN_COUNT] - bins.edges[0];
         let window = self.value_range[1] - self.value_range[0];
-        let slack = BIN_SLACK
-            * if window > 0.0 {
-                data_range.max(window)
-            } else {
-                data_range
-            };
+        let slack = BIN_SLACK * if window > 0.0 { data_range.max(window) } else { data_range };
         (0..BIN_COUNT)
             .filter(|&bin| {
                 let [low, high] = bins.interval(bin);
-                (low < high || bin == 0) && holds(low - slack, high + slack)
+                (low < high || bin == BIN_COUNT - 1) && holds(low - slack, high + slack)
             })
             .fold(0, |mask, bin| mask | 1 << bin)
     }
@@ -162,23 +143,14 @@ fn clamped(interval: [f64; 2]) -> [f64; 2] {
 /// Both are linear between their breakpoints, so they are equal on a piece exactly when they are
 /// equal at its two ends, seen from inside.
 fn differs(a: &Classification<'_>, b: &Classification<'_>, low: f64, high: f64) -> bool {
-    let data_value = |c: &Classification<'_>, s: f64| {
-        c.value_range[0] + s * (c.value_range[1] - c.value_range[0])
-    };
+    let data_value =
+        |c: &Classification<'_>, s: f64| c.value_range[0] + s * (c.value_range[1] - c.value_range[0]);
     let breakpoints = |c: &Classification<'_>| {
         let ends = [0.0, 1.0].map(|s| data_value(c, s));
-        c.function
-            .points
-            .iter()
-            .map(|p| data_value(c, p.s))
-            .chain(ends)
-            .collect::<Vec<_>>()
+        c.function.points.iter().map(|p| data_value(c, p.s)).chain(ends).collect::<Vec<_>>()
     };
-    let mut cuts: Vec<f64> = breakpoints(a)
-        .into_iter()
-        .chain(breakpoints(b))
-        .filter(|v| (low..high).contains(v))
-        .collect();
+    let mut cuts: Vec<f64> =
+        breakpoints(a).into_iter().chain(breakpoints(b)).filter(|v| (low..high).contains(v)).collect();
     cuts.extend([low, high]);
     cuts.sort_by(f64::total_cmp);
     cuts.dedup();
@@ -196,16 +168,10 @@ fn differs(a: &Classification<'_>, b: &Classification<'_>, low: f64, high: f64) 
             }
             let exact = |value: f64| {
                 let points = c.function.points.iter();
-                let s = points
-                    .map(|p| p.s)
-                    .chain([0.0, 1.0])
-                    .find(|&s| data_value(c, s) == value);
+                let s = points.map(|p| p.s).chain([0.0, 1.0]).find(|&s| data_value(c, s) == value);
                 s.unwrap_or_else(|| c.s(value))
             };
-            [
-                c.function.at(exact(piece[0])),
-                c.function.below(exact(piece[1])),
-            ]
+            [c.function.at(exact(piece[0])), c.function.below(exact(piece[1]))]
         };
         let ([a0, a1], [b0, b1]) = (ends(a), ends(b));
         if a0.sigma_t != b0.sigma_t || a1.sigma_t != b1.sigma_t {
@@ -223,13 +189,7 @@ mod tests {
     use crate::volume::{Volume, Voxels};
 
     fn point(s: f64, sigma_t: f64) -> Point {
-        Point {
-            s,
-            sigma_t,
-            albedo: DVec3::ONE,
-            emission: DVec3::ZERO,
-            material: 0,
-        }
+        Point { s, sigma_t, albedo: DVec3::ONE, emission: DVec3::ZERO, material: 0 }
     }
 
     fn bins() -> Bins {
@@ -237,35 +197,19 @@ mod tests {
         Bins::of(&Volume::new([6400, 1, 1], Voxels::F32(values)), [0.0, 1.0])
     }
 
-    fn classify<'a>(
-        function: &'a TransferFunction,
-        materials: &'a [Material],
-    ) -> Classification<'a> {
-        Classification {
-            function,
-            materials,
-            value_range: [0.0, 1.0],
-        }
+    fn classify<'a>(function: &'a TransferFunction, materials: &'a [Material]) -> Classification<'a> {
+        Classification { function, materials, value_range: [0.0, 1.0] }
     }
 
     #[test]
     fn interpolates_steps_and_holds_beyond_the_ends() {
         let tf = TransferFunction {
-            points: vec![
-                point(0.2, 1.0),
-                point(0.4, 3.0),
-                point(0.4, 10.0),
-                point(0.6, 0.0),
-            ],
+            points: vec![point(0.2, 1.0), point(0.4, 3.0), point(0.4, 10.0), point(0.6, 0.0)],
         };
         let sigma = |s: f64| tf.at(s).sigma_t;
         assert_eq!(sigma(0.0), 1.0);
         assert!((sigma(0.3) - 2.0).abs() < 1e-12);
-        assert_eq!(
-            sigma(0.4),
-            10.0,
-            "the later of two points holds at and above"
-        );
+        assert_eq!(sigma(0.4), 10.0, "the later of two points holds at and above");
         assert!((tf.below(0.4).sigma_t - 3.0).abs() < 1e-12);
         assert!((sigma(0.5) - 5.0).abs() < 1e-9);
         assert_eq!(sigma(1.0), 0.0);
@@ -274,12 +218,7 @@ mod tests {
     #[test]
     fn matter_bins_are_exactly_those_with_extinction() {
         let tf = TransferFunction {
-            points: vec![
-                point(0.0, 0.0),
-                point(0.5, 0.0),
-                point(0.5, 9.0),
-                point(0.75, 0.0),
-            ],
+            points: vec![point(0.0, 0.0), point(0.5, 0.0), point(0.5, 9.0), point(0.75, 0.0)],
         };
         let materials = [Material::default()];
         let bins = bins();
@@ -297,25 +236,20 @@ mod tests {
     #[test]
     fn an_edit_touches_only_its_bins() {
         let materials = [Material::default()];
-        let before = TransferFunction {
-            points: vec![point(0.0, 0.0), point(0.5, 2.0), point(1.0, 2.0)],
-        };
+        let before = TransferFunction { points: vec![point(0.0, 0.0), point(0.5, 2.0), point(1.0, 2.0)] };
         let mut after = before.clone();
         after.points.insert(2, point(0.75, 5.0));
         let bins = bins();
         let mask = classify(&before, &materials).changed_bins(&classify(&after, &materials), &bins);
         assert_eq!(mask, bins.mask_of_interval(0.5 - 2e-5, 1.0), "{mask:064b}");
-        let same =
-            classify(&before, &materials).changed_bins(&classify(&before, &materials), &bins);
+        let same = classify(&before, &materials).changed_bins(&classify(&before, &materials), &bins);
         assert_eq!(same, 0);
     }
 
     #[test]
     fn colour_of_nothing_is_no_change() {
         let materials = [Material::default()];
-        let before = TransferFunction {
-            points: vec![point(0.0, 0.0), point(0.5, 0.0), point(1.0, 2.0)],
-        };
+        let before = TransferFunction { points: vec![point(0.0, 0.0), point(0.5, 0.0), point(1.0, 2.0)] };
         let mut after = before.clone();
         after.points[0].albedo = DVec3::ZERO;
         let bins = bins();
@@ -324,58 +258,30 @@ mod tests {
         };
         assert_eq!(changed(&before, &after), 0, "no matter below 0.5");
         after.points[1].albedo = DVec3::ZERO;
-        assert_ne!(
-            changed(&before, &after),
-            0,
-            "the ramp above 0.5 starts from the new colour"
-        );
+        assert_ne!(changed(&before, &after), 0, "the ramp above 0.5 starts from the new colour");
     }
 
     #[test]
     fn a_window_edit_is_an_edit_like_any_other() {
-        let tf = TransferFunction {
-            points: vec![point(0.0, 0.0), point(1.0, 2.0)],
-        };
+        let tf = TransferFunction { points: vec![point(0.0, 0.0), point(1.0, 2.0)] };
         let materials = [Material::default()];
         let a = classify(&tf, &materials);
-        let b = Classification {
-            value_range: [0.0, 0.5],
-            ..a
-        };
+        let b = Classification { value_range: [0.0, 0.5], ..a };
         let mask = a.changed_bins(&b, &bins());
-        assert_eq!(
-            mask,
-            u64::MAX,
-            "a linear ramp changes everywhere above 0: {mask:064b}"
-        );
+        assert_eq!(mask, u64::MAX, "a linear ramp changes everywhere above 0: {mask:064b}");
     }
 
     #[test]
     fn a_renamed_material_is_no_change_a_different_one_is() {
-        let rough = Material {
-            surface: 0.5,
-            ..Material::default()
-        };
+        let rough = Material { surface: 0.5, ..Material::default() };
         let tf = |material| TransferFunction {
-            points: vec![
-                Point {
-                    material,
-                    ..point(0.0, 1.0)
-                },
-                point(1.0, 1.0),
-            ],
+            points: vec![Point { material, ..point(0.0, 1.0) }, point(1.0, 1.0)],
         };
         let (one, two) = (tf(1), tf(2));
         let bins = bins();
         let a = [Material::default(), rough.clone()];
         let b = [Material::default(), Material::default(), rough];
-        assert_eq!(
-            classify(&one, &a).changed_bins(&classify(&two, &b), &bins),
-            0
-        );
-        assert_ne!(
-            classify(&one, &a).changed_bins(&classify(&one, &b), &bins),
-            0
-        );
+        assert_eq!(classify(&one, &a).changed_bins(&classify(&two, &b), &bins), 0);
+        assert_ne!(classify(&one, &a).changed_bins(&classify(&one, &b), &bins), 0);
     }
 }

@@ -98,11 +98,7 @@ pub struct Volume {
 impl Volume {
     /// A volume without orientation, spacing 1, data values as stored.
     pub fn new(dims: [usize; 3], voxels: Voxels) -> Self {
-        assert_eq!(
-            dims.iter().product::<usize>(),
-            voxels.len(),
-            "one value per voxel"
-        );
+        assert_eq!(dims.iter().product::<usize>(), voxels.len(), "one value per voxel");
         Self {
             dims,
             spacing: [1.0; 3],

@@ -1,0 +1,218 @@
+//! The device: chosen, opened, watched.
+
+use std::sync::{Arc, Mutex};
+
+use proto::rest::DeviceInfo;
+
+use crate::error::RenderError;
+
+/// Which adapters may be used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AdapterPolicy {
+    /// A hardware GPU if there is one, else the software device.
+    Any,
+    /// Refuse software devices.
+    HardwareOnly,
+}
+
+/// An open device. Shared by everything that uses the GPU.
+pub struct Gpu {
+    pub(crate) device: wgpu::Device,
+    pub(crate) queue: wgpu::Queue,
+    info: DeviceInfo,
+    limits: wgpu::Limits,
+    /// Optional abilities, probed once.
+    pub(crate) abilities: Abilities,
+    /// First error the driver reported outside an error scope; taken by [`Gpu::take_error`].
+    error: Arc<Mutex<Option<RenderError>>>,
+}
+
+/// What the device can do beyond core WebGPU.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Abilities {
+    /// `R32Float` textures can be filtered.
+    pub filter_f32: bool,
+    /// `R16Unorm` textures exist and can be filtered.
+    pub filter_unorm16: bool,
+}
+
+impl Gpu {
+    /// Opens the best adapter the policy allows: discrete before integrated before software.
+    ///
+    /// # Errors
+    /// No adapter, or the driver refuses.
+    pub fn open(policy: AdapterPolicy) -> Result<Arc<Self>, RenderError> {
+        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+        descriptor.backends = wgpu::Backends::VULKAN;
+        let instance = wgpu::Instance::new(descriptor);
+        let mut adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::VULKAN));
+        adapters.sort_by_key(|adapter| match adapter.get_info().device_type {
+            wgpu::DeviceType::DiscreteGpu => 0,
+            wgpu::DeviceType::VirtualGpu => 1,
+            wgpu::DeviceType::IntegratedGpu => 2,
+            wgpu::DeviceType::Other => 3,
+            wgpu::DeviceType::Cpu => 4,
+        });
+        let adapter = adapters.into_iter().next().ok_or_else(|| {
+            RenderError::NoAdapter(
+                "install the GPU's driver, or mesa-vulkan-drivers and libvulkan1 for the software device"
+                    .into(),
+            )
+        })?;
+        let adapter_info = adapter.get_info();
+        let software = adapter_info.device_type == wgpu::DeviceType::Cpu;
+        if software && policy == AdapterPolicy::HardwareOnly {
+            return Err(RenderError::NoAdapter(format!(
+                "only the software device `{}` is there, and it was not asked for",
+                adapter_info.name
+            )));
+        }
+        Self::open_adapter(&adapter, adapter_info, software)
+    }
+
+    fn open_adapter(
+        adapter: &wgpu::Adapter,
+        adapter_info: wgpu::AdapterInfo,
+        software: bool,
+    ) -> Result<Arc<Self>, RenderError> {
+        let wanted = wgpu::Features::FLOAT32_FILTERABLE | wgpu::Features::TEXTURE_FORMAT_16BIT_NORM;
+        let features = adapter.features() & wanted;
+        let limits = adapter.limits();
+        let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
+            label: Some("tyndall"),
+            required_features: features,
+            required_limits: limits.clone(),
+            ..wgpu::DeviceDescriptor::default()
+        }))
+        .map_err(|error| RenderError::Device {
+            name: adapter_info.name.clone(),
+            reason: error.to_string(),
+        })?;
+
+        let filterable = |format| {
+            let flags = adapter.get_texture_format_features(format).flags;
+            flags.contains(wgpu::TextureFormatFeatureFlags::FILTERABLE)
+        };
+        let abilities = Abilities {
+            filter_f32: features.contains(wgpu::Features::FLOAT32_FILTERABLE),
+            filter_unorm16: features.contains(wgpu::Features::TEXTURE_FORMAT_16BIT_NORM)
+                && filterable(wgpu::TextureFormat::R16Unorm),
+        };
+        let error = Arc::new(Mutex::new(None));
+        watch(&device, &error);
+        let driver = format!("{} {}", adapter_info.driver, adapter_info.driver_info);
+        let info = DeviceInfo { name: adapter_info.name, driver: driver.trim().to_owned(), software };
+        tracing::info!(device = info.name, driver = info.driver, software, "GPU opened");
+        Ok(Arc::new(Self { device, queue, info, limits, abilities, error }))
+    }
+
+    /// What renders.
+    pub fn info(&self) -> &DeviceInfo {
+        &self.info
+    }
+
+    /// Largest storage buffer binding, bytes.
+    pub fn max_binding_bytes(&self) -> u64 {
+        self.limits.max_storage_buffer_binding_size
+    }
+
+    /// Limits and abilities that matter here, as name and value, for `tyndall doctor`.
+    pub fn properties(&self) -> Vec<(&'static str, String)> {
+        let mebibytes = |bytes: u64| format!("{} MiB", bytes >> 20);
+        let yes_no = |b: bool| if b { "yes" } else { "no" }.to_owned();
+        vec![
+            ("storage buffer binding", mebibytes(self.limits.max_storage_buffer_binding_size)),
+            ("largest buffer", mebibytes(self.limits.max_buffer_size)),
+            ("3D texture edge", format!("{} voxels", self.limits.max_texture_dimension_3d)),
+            ("workgroup", format!("{} invocations", self.limits.max_compute_invocations_per_workgroup)),
+            ("filters 32-bit float textures", yes_no(self.abilities.filter_f32)),
+            ("filters 16-bit integer textures", yes_no(self.abilities.filter_unorm16)),
+        ]
+    }
+
+    /// Waits until everything submitted is done.
+    pub(crate) fn wait(&self) -> Result<(), RenderError> {
+        let polled = self.device.poll(wgpu::PollType::Wait { submission_index: None, timeout: None });
+        self.take_error()?;
+        polled.map(|_| ()).map_err(|error| RenderError::Gpu(error.to_string()))
+    }
+
+    /// The first error reported since the last call.
+    pub(crate) fn take_error(&self) -> Result<(), RenderError> {
+        let mut slot = self.error.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        slot.take().map_or(Ok(()), Err)
+    }
+
+    /// Runs `allocate`; an out-of-memory error becomes [`RenderError::OutOfMemory`].
+    pub(crate) fn allocating<T>(
+        &self,
+        what: &str,
+        bytes: u64,
+        allocate: impl FnOnce() -> T,
+    ) -> Result<T, RenderError> {
+        let scope = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let value = allocate();
+        match pollster::block_on(scope.pop()) {
+            None => Ok(value),
+            Some(_) => Err(RenderError::OutOfMemory { what: what.to_owned(), bytes }),
+        }
+    }
+
+    /// A storage or uniform buffer.
+    pub(crate) fn buffer(
+        &self,
+        label: &str,
+        bytes: u64,
+        usage: wgpu::BufferUsages,
+    ) -> Result<wgpu::Buffer, RenderError> {
+        let descriptor = wgpu::BufferDescriptor {
+            label: Some(label),
+            size: bytes.max(16),
+            usage,
+            mapped_at_creation: false,
+        };
+        self.allocating(label, bytes, || self.device.create_buffer(&descriptor))
+    }
+
+    /// Copies a buffer to the host. Waits for everything submitted before.
+    pub(crate) fn read_buffer(&self, source: &wgpu::Buffer, bytes: u64) -> Result<Vec<u8>, RenderError> {
+        let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ;
+        let staging = self.buffer("read back", bytes, usage)?;
+        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        encoder.copy_buffer_to_buffer(source, 0, &staging, 0, bytes);
+        self.queue.submit([encoder.finish()]);
+        let (sender, receiver) = std::sync::mpsc::channel();
+        staging.map_async(wgpu::MapMode::Read, 0..bytes, move |result| {
+            let _ = sender.send(result);
+        });
+        self.wait()?;
+        let failed = |reason: String| RenderError::Gpu(format!("reading back failed: {reason}"));
+        receiver.recv().map_err(|e| failed(e.to_string()))?.map_err(|e| failed(e.to_string()))?;
+        let view = staging.get_mapped_range(0..bytes).map_err(|e| failed(e.to_string()))?;
+        Ok(view.to_vec())
+    }
+}
+
+/// Binds a whole buffer.
+pub(crate) fn buffer_entry(binding: u32, buffer: &wgpu::Buffer) -> wgpu::BindGroupEntry<'_> {
+    wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() }
+}
+
+/// Keeps the first error the driver reports outside a scope, and a lost device.
+fn watch(device: &wgpu::Device, slot: &Arc<Mutex<Option<RenderError>>>) {
+    let keep = |slot: &Mutex<Option<RenderError>>, error: RenderError| {
+        tracing::error!(%error, "GPU");
+        let mut slot = slot.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        slot.get_or_insert(error);
+    };
+    let uncaptured = slot.clone();
+    device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+        keep(&uncaptured, RenderError::Gpu(error.to_string()));
+    }));
+    let lost = slot.clone();
+    device.set_device_lost_callback(move |reason, message| {
+        if reason != wgpu::DeviceLostReason::Destroyed {
+            keep(&lost, RenderError::DeviceLost(message));
+        }
+    });
+}

@@ -1,0 +1,156 @@
+//! Pipeline `ray_cast` and its variants.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use proto::scene_file::Filter;
+use scene::Scene;
+
+use crate::gpu::Gpu;
+use crate::shaders;
+use crate::volume_texture::VolumeTexture;
+
+/// Edge of a `ray_cast` workgroup, pixels.
+pub const WORKGROUP_EDGE: u32 = 8;
+
+/// A compiled specialisation. Variants may round differently from one another, so everything
+/// that is compared for equality uses one variant.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Variant {
+    /// 0 hardware trilinear, 1 f32 trilinear, 2 nearest; `FILTER` in the shader.
+    pub filter: u32,
+    /// Gradients are needed.
+    pub shaded: bool,
+    /// Some matter emits.
+    pub emissive: bool,
+}
+
+impl Variant {
+    /// The cheapest variant that draws the scene.
+    pub fn of(scene: &Scene, texture: &VolumeTexture) -> Self {
+        let points = &scene.transfer_function.points;
+        let in_use = |point: &scene::transfer_function::Point| scene.materials[point.material].surface > 0.0;
+        Self {
+            filter: match scene.filter {
+                Filter::Nearest => 2,
+                Filter::Linear if texture.filterable => 0,
+                Filter::Linear => 1,
+            },
+            shaded: !scene.lights.is_empty() && points.iter().any(in_use),
+            emissive: points.iter().any(|point| point.emission.max_element() > 0.0),
+        }
+    }
+}
+
+/// The ray caster's pipelines, compiled when first needed.
+pub struct RayCaster {
+    gpu: Arc<Gpu>,
+    module: wgpu::ShaderModule,
+    /// For the hardware filter, and for variants that read texels one by one (which any format
+    /// allows, filterable or not).
+    filtering: Bindings,
+    texel_wise: Bindings,
+    pipelines: HashMap<Variant, wgpu::ComputePipeline>,
+}
+
+/// What a kind of variant binds.
+pub struct Bindings {
+    pub bind_group_layout: wgpu::BindGroupLayout,
+    pub sampler: wgpu::Sampler,
+    pipeline_layout: wgpu::PipelineLayout,
+}
+
+impl RayCaster {
+    pub fn new(gpu: Arc<Gpu>) -> Self {
+        let device = &gpu.device;
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some("ray_cast"),
+            source: wgpu::ShaderSource::Wgsl(shaders::RAY_CAST.into()),
+        });
+        let (filtering, texel_wise) = (Bindings::new(device, true), Bindings::new(device, false));
+        Self { gpu, module, filtering, texel_wise, pipelines: HashMap::new() }
+    }
+
+    /// What a variant binds.
+    pub fn bindings(&self, variant: Variant) -> &Bindings {
+        if variant.filter == 0 { &self.filtering } else { &self.texel_wise }
+    }
+
+    pub fn pipeline(&mut self, variant: Variant) -> wgpu::ComputePipeline {
+        let Self { gpu, module, filtering, texel_wise, pipelines } = self;
+        let layout =
+            if variant.filter == 0 { &filtering.pipeline_layout } else { &texel_wise.pipeline_layout };
+        let compile = || {
+            let flag = |on: bool| if on { 1.0 } else { 0.0 };
+            gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some("ray_cast"),
+                layout: Some(layout),
+                module,
+                entry_point: Some("ray_cast"),
+                compilation_options: wgpu::PipelineCompilationOptions {
+                    constants: &[
+                        ("FILTER", f64::from(variant.filter)),
+                        ("SHADED", flag(variant.shaded)),
+                        ("EMISSIVE", flag(variant.emissive)),
+                    ],
+                    ..wgpu::PipelineCompilationOptions::default()
+                },
+                cache: None,
+            })
+        };
+        pipelines.entry(variant).or_insert_with(compile).clone()
+    }
+}
+
+impl Bindings {
+    fn new(device: &wgpu::Device, filtering: bool) -> Self {
+        let bind_group_layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("ray_cast"),
+            entries: &layout_entries(filtering),
+        });
+        let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some("ray_cast"),
+            bind_group_layouts: &[Some(&bind_group_layout)],
+            immediate_size: 0,
+        });
+        let filter = if filtering { wgpu::FilterMode::Linear } else { wgpu::FilterMode::Nearest };
+        let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
+            label: Some("volume"),
+            mag_filter: filter,
+            min_filter: filter,
+            ..wgpu::SamplerDescriptor::default()
+        });
+        Self { bind_group_layout, sampler, pipeline_layout }
+    }
+}
+
+fn layout_entries(filtering: bool) -> [wgpu::BindGroupLayoutEntry; 10] {
+    let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility: wgpu::ShaderStages::COMPUTE,
+        ty,
+        count: None,
+    };
+    let buffer = |ty| wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
+    let read = || buffer(wgpu::BufferBindingType::Storage { read_only: true });
+    let write = || buffer(wgpu::BufferBindingType::Storage { read_only: false });
+    let sampler =
+        if filtering { wgpu::SamplerBindingType::Filtering } else { wgpu::SamplerBindingType::NonFiltering };
+    let texture = |sample_type| wgpu::BindingType::Texture {
+        sample_type,
+        view_dimension: wgpu::TextureViewDimension::D3,
+        multisampled: false,
+    };
+    [
+        entry(0, buffer(wgpu::BufferBindingType::Uniform)),
+        entry(1, read()),
+        entry(2, read()),
+        entry(3, read()),
+        entry(4, read()),
+        entry(5, write()),
+        entry(6, write()),
+        entry(7, texture(wgpu::TextureSampleType::Float { filterable: filtering })),
+        entry(8, wgpu::BindingType::Sampler(sampler)),
+        entry(9, texture(wgpu::TextureSampleType::Uint)),
+    ]
+}

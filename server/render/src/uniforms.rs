@@ -1,0 +1,174 @@
+//! What the shaders read, laid out as WGSL lays it out. `tests/shaders.rs` proves every offset
+//! against naga's.
+
+use bytemuck::{Pod, Zeroable};
+
+/// Most clip planes; `proto::scene_file::limits::MAX_CLIP_PLANES`.
+pub const MAX_PLANES: usize = 8;
+
+/// `Frame` of shaders/shared/frame.wgsl, where the fields are explained.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct FrameUniform {
+    pub eye: [f32; 3],
+    pub half_height: f32,
+    pub forward: [f32; 3],
+    pub projection: u32,
+    pub right: [f32; 3],
+    pub step_world: f32,
+    pub up: [f32; 3],
+    pub termination: f32,
+    pub size_world: [f32; 3],
+    pub s_scale: f32,
+    pub voxels: [f32; 3],
+    pub s_offset: f32,
+    pub clip_low: [f32; 3],
+    pub plane_count: u32,
+    pub clip_high: [f32; 3],
+    pub light_count: u32,
+    pub background: [f32; 3],
+    pub skip_empty: u32,
+    pub ambient: [f32; 3],
+    pub point_count: u32,
+    pub image: [u32; 2],
+    pub first_row: u32,
+    pub row_count: u32,
+    pub subpixel: [f32; 2],
+    pub lattice_shift: f32,
+    pub sample_index: u32,
+    pub planes: [[f32; 4]; MAX_PLANES],
+}
+
+/// `TransferFunctionPoint` of shaders/shared/medium.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct TransferFunctionPoint {
+    pub albedo: [f32; 3],
+    pub sigma_t: f32,
+    pub emission: [f32; 3],
+    pub s: f32,
+    pub material: u32,
+    pub inverse_width: f32,
+    pub pad0: u32,
+    pub pad1: u32,
+}
+
+/// `Material` of shaders/shared/medium.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct Material {
+    pub phase: u32,
+    pub asymmetry: f32,
+    pub surface: f32,
+    pub brdf: u32,
+    pub ambient_diffuse: f32,
+    pub ambient_specular: f32,
+    pub diffuse: f32,
+    pub specular: f32,
+    pub lobe: [f32; 2],
+    pub pad0: u32,
+    pub pad1: u32,
+}
+
+/// `Light` of shaders/shared/light.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct Light {
+    pub position: [f32; 3],
+    pub kind: u32,
+    pub direction: [f32; 3],
+    pub extent: f32,
+    pub power: [f32; 3],
+    pub cos_inner: f32,
+    pub cos_outer: f32,
+    pub pad0: u32,
+    pub pad1: u32,
+    pub pad2: u32,
+}
+
+/// `ToneMap` of shaders/film/tone_map.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct ToneMap {
+    pub exposure: f32,
+    pub operator_id: u32,
+    pub pixel_count: u32,
+    pub pad0: u32,
+}
+
+/// Field names and offsets of a struct, to be compared with naga's.
+pub type Layout = (&'static str, usize, Vec<(&'static str, usize)>);
+
+macro_rules! layout {
+    ($name:literal, $kind:ty { $($field:ident),+ $(,)? }) => {
+        ($name, std::mem::size_of::<$kind>(), vec![$((stringify!($field), std::mem::offset_of!($kind, $field))),+])
+    };
+}
+
+/// Every struct that crosses to the GPU.
+pub fn layouts() -> Vec<Layout> {
+    vec![
+        layout!(
+            "Frame",
+            FrameUniform {
+                eye,
+                half_height,
+                forward,
+                projection,
+                right,
+                step_world,
+                up,
+                termination,
+                size_world,
+                s_scale,
+                voxels,
+                s_offset,
+                clip_low,
+                plane_count,
+                clip_high,
+                light_count,
+                background,
+                skip_empty,
+                ambient,
+                point_count,
+                image,
+                first_row,
+                row_count,
+                subpixel,
+                lattice_shift,
+                sample_index,
+                planes,
+            }
+        ),
+        layout!(
+            "TransferFunctionPoint",
+            TransferFunctionPoint { albedo, sigma_t, emission, s, material, inverse_width, pad0, pad1 }
+        ),
+        layout!(
+            "Material",
+            Material {
+                phase,
+                asymmetry,
+                surface,
+                brdf,
+                ambient_diffuse,
+                ambient_specular,
+                diffuse,
+                specular,
+                lobe,
+                pad0,
+                pad1,
+            }
+        ),
+        layout!(
+            "Light",
+            Light { position, kind, direction, extent, power, cos_inner, cos_outer, pad0, pad1, pad2 }
+        ),
+        layout!("ToneMap", ToneMap { exposure, operator_id, pixel_count, pad0 }),
+    ]
+}

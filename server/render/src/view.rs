@@ -1,0 +1,84 @@
+//! One viewer's caches: film, tables, distance map, each with the snapshot it was computed from.
+
+use std::sync::Arc;
+
+use scene::Snapshot;
+use scene::plan::{Caches, FilmState, Target};
+
+use crate::volume_texture::VolumeTexture;
+
+/// Everything the GPU keeps for one viewer. Empty until it is first drawn; dropping it frees all.
+#[derive(Default)]
+pub struct View {
+    pub(crate) volume: Option<(Arc<Snapshot>, Arc<VolumeTexture>)>,
+    pub(crate) transfer_function: Option<(Arc<Snapshot>, TransferFunctionTables)>,
+    pub(crate) distance_map: Option<(Arc<Snapshot>, wgpu::TextureView)>,
+    pub(crate) lights: Option<(Arc<Snapshot>, wgpu::Buffer)>,
+    pub(crate) film: Option<FilmCache>,
+    /// Snapshot and film state the tone-mapped picture shows.
+    pub(crate) picture: Option<(Arc<Snapshot>, Target)>,
+    pub(crate) buffers: Option<ViewBuffers>,
+    /// Milliseconds per million pixel samples, of the last slices; sizes the next slice.
+    pub(crate) millis_per_megasample: f64,
+}
+
+pub(crate) struct TransferFunctionTables {
+    pub points: wgpu::Buffer,
+    pub cells: wgpu::Buffer,
+    pub materials: wgpu::Buffer,
+}
+
+/// A film under way.
+pub(crate) struct FilmCache {
+    pub snapshot: Arc<Snapshot>,
+    pub width: u32,
+    pub height: u32,
+    /// Complete passes over the image.
+    pub samples: u32,
+    /// Rows of the current pass that are done.
+    pub rows: u32,
+}
+
+/// Buffers of fixed meaning; the film and the picture grow with the image.
+pub(crate) struct ViewBuffers {
+    pub frame: wgpu::Buffer,
+    pub counters: wgpu::Buffer,
+    pub film: wgpu::Buffer,
+    pub picture: wgpu::Buffer,
+    /// Pixels the film and the picture have room for.
+    pub capacity: u64,
+}
+
+impl View {
+    /// A view that holds nothing.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    pub(crate) fn caches(&self) -> Caches<'_> {
+        Caches {
+            volume: self.volume.as_ref().map(|(snapshot, _)| &snapshot.scene),
+            transfer_function: self.transfer_function.as_ref().map(|(snapshot, _)| &snapshot.scene),
+            distance_map: self.distance_map.as_ref().map(|(snapshot, _)| &snapshot.scene),
+            lights: self.lights.as_ref().map(|(snapshot, _)| &snapshot.scene),
+            film: self.film.as_ref().map(|film| FilmState {
+                scene: &film.snapshot.scene,
+                held: Target { width: film.width, height: film.height, samples_per_pixel: film.samples },
+            }),
+            picture: self
+                .picture
+                .as_ref()
+                .map(|(snapshot, held)| FilmState { scene: &snapshot.scene, held: *held }),
+        }
+    }
+
+    /// Bytes of film and picture.
+    pub fn bytes(&self) -> u64 {
+        self.buffers.as_ref().map_or(0, |buffers| buffers.capacity * (FILM_PIXEL_BYTES + PICTURE_PIXEL_BYTES))
+    }
+}
+
+/// Sums of red, green, blue and the number of samples, f32 each.
+pub(crate) const FILM_PIXEL_BYTES: u64 = 16;
+/// RGBA, 8 bits each.
+pub(crate) const PICTURE_PIXEL_BYTES: u64 = 4;

@@ -1,0 +1,197 @@
+//! Voxels on the GPU, shared by content between everything that shows them.
+
+use std::sync::{Arc, Mutex};
+
+use scene::{PreparedVolume, Scene, Voxels};
+
+use crate::error::RenderError;
+use crate::gpu::Gpu;
+
+/// Bytes staged per upload step; bounds host memory beside the volume itself.
+const UPLOAD_CHUNK_BYTES: usize = 32 << 20;
+
+/// Voxels as a 3D texture. A texel holds `(stored - offset) / scale`, exactly for integers.
+pub struct VolumeTexture {
+    pub(crate) view: wgpu::TextureView,
+    /// Whether the sampler may interpolate it.
+    pub(crate) filterable: bool,
+    bytes: u64,
+    stored_scale: f64,
+    stored_offset: f64,
+}
+
+impl VolumeTexture {
+    /// Factors of `s = scale * texel + offset` (before clamping) for a scene's window.
+    pub(crate) fn s_from_texel(&self, scene: &Scene) -> (f64, f64) {
+        let [low, high] = scene.value_range;
+        if high <= low {
+            return (0.0, 0.0);
+        }
+        let volume = &scene.volume.volume;
+        let scale = volume.slope * self.stored_scale / (high - low);
+        let offset = (volume.slope * self.stored_offset + volume.intercept - low) / (high - low);
+        (scale, offset)
+    }
+}
+
+/// How stored voxels become texels.
+enum Encoding {
+    U8,
+    /// `stored + bias` as unsigned 16-bit.
+    U16 {
+        bias: i32,
+    },
+    /// Normalised to 0..1 between the stored minimum and maximum.
+    F32 {
+        low: f32,
+        range: f32,
+    },
+}
+
+/// Textures by content hash; least recently used go first when the budget is exceeded, but never
+/// one that a view holds.
+pub struct VolumeCache {
+    gpu: Arc<Gpu>,
+    budget_bytes: u64,
+    entries: Mutex<Entries>,
+}
+
+#[derive(Default)]
+struct Entries {
+    /// Ascending by last use.
+    by_use: Vec<([u8; 32], Arc<VolumeTexture>)>,
+}
+
+impl VolumeCache {
+    pub(crate) fn new(gpu: Arc<Gpu>, budget_bytes: u64) -> Self {
+        Self { gpu, budget_bytes, entries: Mutex::default() }
+    }
+
+    /// The texture of a volume, uploaded if it is not there yet. May be called from any thread;
+    /// takes as long as copying the voxels.
+    ///
+    /// # Errors
+    /// Out of memory, or an edge longer than the device's 3D textures allow.
+    pub fn load(&self, volume: &PreparedVolume) -> Result<Arc<VolumeTexture>, RenderError> {
+        if let Some(texture) = self.touch(&volume.content) {
+            return Ok(texture);
+        }
+        let texture = Arc::new(upload(&self.gpu, volume)?);
+        let mut entries = self.entries.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        entries.by_use.push((volume.content, texture.clone()));
+        let mut total: u64 = entries.by_use.iter().map(|(_, texture)| texture.bytes).sum();
+        entries.by_use.retain(|(_, texture)| {
+            let unused = Arc::strong_count(texture) == 1;
+            let evict = unused && total > self.budget_bytes;
+            if evict {
+                total -= texture.bytes;
+            }
+            !evict
+        });
+        Ok(texture)
+    }
+
+    /// Bytes of all textures held.
+    pub fn bytes(&self) -> u64 {
+        let entries = self.entries.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        entries.by_use.iter().map(|(_, texture)| texture.bytes).sum()
+    }
+
+    fn touch(&self, content: &[u8; 32]) -> Option<Arc<VolumeTexture>> {
+        let mut entries = self.entries.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let position = entries.by_use.iter().position(|(hash, _)| hash == content)?;
+        let entry = entries.by_use.remove(position);
+        let texture = entry.1.clone();
+        entries.by_use.push(entry);
+        Some(texture)
+    }
+}
+
+fn upload(gpu: &Gpu, prepared: &PreparedVolume) -> Result<VolumeTexture, RenderError> {
+    let volume = &prepared.volume;
+    let longest = volume.dims.into_iter().max().unwrap_or(1);
+    let limit = gpu.device.limits().max_texture_dimension_3d;
+    if longest > limit as usize {
+        return Err(RenderError::TooLarge {
+            what: format!("a volume edge of {longest} voxels"),
+            limit: format!("{limit} voxels"),
+        });
+    }
+    let to_unorm16 = gpu.abilities.filter_unorm16;
+    let encoding = match &volume.voxels {
+        Voxels::U8(_) => Encoding::U8,
+        Voxels::U16(_) if to_unorm16 => Encoding::U16 { bias: 0 },
+        Voxels::I16(_) if to_unorm16 => Encoding::U16 { bias: -i32::from(i16::MIN) },
+        _ => {
+            let stored = |value: f64| ((value - volume.intercept) / volume.slope) as f32;
+            let ends = prepared.range.map(stored);
+            let low = ends[0].min(ends[1]);
+            let range = ends[0].max(ends[1]) - low;
+            Encoding::F32 { low, range: if range > 0.0 && range.is_finite() { range } else { 1.0 } }
+        }
+    };
+    let (format, texel_bytes, stored_scale, stored_offset, filterable) = match encoding {
+        Encoding::U8 => (wgpu::TextureFormat::R8Unorm, 1, 255.0, 0.0, true),
+        Encoding::U16 { bias } => (wgpu::TextureFormat::R16Unorm, 2, 65535.0, -f64::from(bias), true),
+        Encoding::F32 { low, range } => {
+            let filterable = gpu.abilities.filter_f32;
+            (wgpu::TextureFormat::R32Float, 4, f64::from(range), f64::from(low), filterable)
+        }
+    };
+    let [width, height, depth] = volume.dims.map(|n| n as u32);
+    let bytes = volume.voxels.len() as u64 * texel_bytes as u64;
+    let texture = gpu.allocating("the volume", bytes, || {
+        gpu.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some("volume"),
+            size: wgpu::Extent3d { width, height, depth_or_array_layers: depth },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D3,
+            format,
+            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+            view_formats: &[],
+        })
+    })?;
+    let slice_voxels = volume.dims[0] * volume.dims[1];
+    let slices_per_chunk = (UPLOAD_CHUNK_BYTES / (slice_voxels * texel_bytes)).max(1);
+    for first in (0..volume.dims[2]).step_by(slices_per_chunk) {
+        let slices = slices_per_chunk.min(volume.dims[2] - first);
+        let range = first * slice_voxels..(first + slices) * slice_voxels;
+        let data = texels(&volume.voxels, range, &encoding);
+        gpu.queue.write_texture(
+            wgpu::TexelCopyTextureInfo {
+                texture: &texture,
+                mip_level: 0,
+                origin: wgpu::Origin3d { x: 0, y: 0, z: first as u32 },
+                aspect: wgpu::TextureAspect::All,
+            },
+            &data,
+            wgpu::TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some(width * texel_bytes as u32),
+                rows_per_image: Some(height),
+            },
+            wgpu::Extent3d { width, height, depth_or_array_layers: slices as u32 },
+        );
+        // Hands the staging memory of this chunk on before the next is filled.
+        gpu.queue.submit([]);
+    }
+    gpu.take_error()?;
+    let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+    Ok(VolumeTexture { view, filterable, bytes, stored_scale, stored_offset })
+}
+
+fn texels(voxels: &Voxels, range: std::ops::Range<usize>, encoding: &Encoding) -> Vec<u8> {
+    match (voxels, encoding) {
+        (Voxels::U8(v), Encoding::U8) => v[range].to_vec(),
+        (Voxels::U16(v), Encoding::U16 { .. }) => bytemuck::cast_slice(&v[range]).to_vec(),
+        (Voxels::I16(v), Encoding::U16 { bias }) => {
+            v[range].iter().flat_map(|&x| ((i32::from(x) + bias) as u16).to_ne_bytes()).collect()
+        }
+        (_, Encoding::F32 { low, range: width }) => {
+            range.flat_map(|i| ((voxels.stored(i) - low) / width).to_ne_bytes()).collect()
+        }
+        // The encoding is chosen by the voxel type above.
+        _ => Vec::new(),
+    }
+}

@@ -1,0 +1,28 @@
+// Method `local`: classic shading. Single scattering of every light, nothing in between, and a
+// uniform ambient (methods.md section 7). Exact in vacuum and thin matter; no shadows.
+
+// Scattered radiance towards w_o per unit of extinction: sigma_s * L_i / sigma_t. `gradient` is
+// that of s, world; where it vanishes the surface weight is 0.
+fn scattered_radiance(x: vec3f, w_o: vec3f, matter: Matter, gradient: vec3f) -> vec3f {
+    let material = materials[matter.material];
+    // A change of s by a millionth per voxel is rounding noise.
+    let steepness = length(gradient);
+    let flat_field = steepness * frame.step_world < 1e-6;
+    let surface = select(material.surface, 0.0, flat_field);
+    var n = gradient / max(steepness, 1e-20);
+    n = select(n, -n, dot(n, w_o) < 0.0);
+
+    // Uniform ambient: the phase function integrates to 1, the BRDF to its reflectance.
+    let reflected = matter.albedo * material.ambient_diffuse + material.ambient_specular;
+    var sum = frame.ambient * mix(matter.albedo, reflected, surface);
+    for (var i = 0u; i < frame.light_count; i++) {
+        let light = incident_light(i, x);
+        var scattered = (1.0 - surface) * phase_function(material, dot(-light.w_i, w_o)) * matter.albedo;
+        if surface > 0.0 {
+            let f_r = brdf(material, n, light.w_i, w_o);
+            scattered += surface * (f_r.x * matter.albedo + f_r.y) * max(dot(n, light.w_i), 0.0);
+        }
+        sum += scattered * light.irradiance;
+    }
+    return sum;
+}

@@ -1,0 +1,50 @@
+// What one dispatch of the ray caster needs to know. Mirrored by `FrameUniform` in
+// server/render/src/uniforms.rs; a test proves the offsets equal.
+
+struct Frame {
+    eye: vec3f,
+    // Perspective: tan(fov_y / 2). Orthographic: half the image's height, world units.
+    half_height: f32,
+    forward: vec3f,
+    // 0 perspective, 1 orthographic.
+    projection: u32,
+    right: vec3f,
+    // Distance between samples on a view ray, world units.
+    step_world: f32,
+    up: vec3f,
+    // A ray ends when its transmittance falls below this.
+    termination: f32,
+    // Edges of the volume's box, world units.
+    size_world: vec3f,
+    // s = clamp(s_scale * texel + s_offset, 0, 1).
+    s_scale: f32,
+    // Voxels along x, y, z.
+    voxels: vec3f,
+    s_offset: f32,
+    // Clip box, world.
+    clip_low: vec3f,
+    plane_count: u32,
+    clip_high: vec3f,
+    light_count: u32,
+    background: vec3f,
+    // 1: leap over macrocells without matter. Never changes the image.
+    skip_empty: u32,
+    // Radiance of the uniform environment light.
+    ambient: vec3f,
+    point_count: u32,
+    // Image size, pixels.
+    image: vec2u,
+    // Rows of this dispatch: first_row .. first_row + row_count.
+    first_row: u32,
+    row_count: u32,
+    // Position in the pixel square, 0..1.
+    subpixel: vec2f,
+    // Shift of the sample lattice along the ray, in steps, 0..1.
+    lattice_shift: f32,
+    // Samples per pixel the film holds before this pass.
+    sample_index: u32,
+    // Each keeps dot(xyz, x) >= w; unit normals.
+    planes: array<vec4f, 8>,
+}
+
+@group(0) @binding(0) var<uniform> frame: Frame;
