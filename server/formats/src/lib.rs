@@ -1,1 +1,142 @@
 //! Readers for volume files; hostile input dies here.
+//!
+//! [`read_volume`] recognises a file by its content, then by its name, and returns a
+//! [`scene::Volume`] in world order. Every reader follows one path: the header decides how many
+//! bytes the voxels take, that is held against [`Limits`] and against what the file can hold at
+//! all, and only then is memory reserved. Decoding runs in bounded chunks, so a file that lies
+//! about its size costs no more than it is worth.
+//!
+//! | module | what it does |
+//! |---|---|
+//! | `stream`, `gzip`, `text` | bytes of a file, decoded, with a bound on how many can come |
+//! | `voxels` | bytes to voxels: types, byte order, components, non-finite values |
+//! | `orientation`, `reorder` | axis order and directions to the closest LPS |
+//! | `nrrd`, `nifti`, `raw` | headers |
+//! | `describe` | what `tyndall import` prints |
+
+mod describe;
+mod detect;
+mod error;
+mod gzip;
+mod nifti;
+mod nrrd;
+mod orientation;
+mod raw;
+mod reorder;
+mod stream;
+mod text;
+mod voxels;
+
+use std::path::Path;
+
+use proto::scene_file::VoxelType;
+use scene::Volume;
+
+pub use describe::{data_range, describe};
+pub use error::FormatError;
+pub use nrrd::write::write_nrrd;
+pub use raw::{RawLayout, read_sidecar};
+
+/// File formats this crate reads.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Format {
+    /// NRRD, attached (`.nrrd`) or detached (`.nhdr` with data files).
+    Nrrd,
+    /// NIfTI-1 and NIfTI-2, single file or `.hdr`/`.img` pair, plain or gzip.
+    Nifti,
+    /// Voxels without a header; the layout comes from elsewhere.
+    Raw,
+}
+
+impl Format {
+    /// Name used in messages and JSON: `nrrd`, `nifti` or `raw`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Format::Nrrd => "nrrd",
+            Format::Nifti => "nifti",
+            Format::Raw => "raw",
+        }
+    }
+}
+
+/// What a file may cost. A file beyond any of these is refused before memory is reserved for it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Limits {
+    /// Bytes of the voxels in memory. Reordering axes holds them twice for a moment.
+    pub max_voxel_bytes: u64,
+    /// Decoded bytes of all voxels of the file, volumes and components that are not chosen
+    /// included; bounds the time spent on inflating.
+    pub max_decoded_bytes: u64,
+    /// Bytes before the voxels: header, extensions.
+    pub max_header_bytes: u64,
+    /// Voxels along one axis.
+    pub max_axis: u32,
+}
+
+impl Default for Limits {
+    /// 4 GiB in memory, 16 GiB decoded, 16 MiB of header, 65,536 voxels along an axis.
+    fn default() -> Self {
+        Self {
+            max_voxel_bytes: 4 << 30,
+            max_decoded_bytes: 16 << 30,
+            max_header_bytes: 16 << 20,
+            max_axis: 1 << 16,
+        }
+    }
+}
+
+/// How to read a file.
+#[derive(Clone, Copy)]
+pub struct ReadOptions<'a> {
+    /// Layout of a raw file; without it the sidecar `NAME.json` is looked for.
+    pub raw: Option<RawLayout>,
+    /// Which volume or component of a file that holds several, counted in file order
+    /// (components fastest). `None` is the first, with a notice.
+    pub index: Option<u32>,
+    /// What the file may cost.
+    pub limits: Limits,
+    /// For files from strangers: detached data must be a plain file, no link, in the folder of
+    /// its header. Otherwise it may lie anywhere.
+    pub siblings_only: bool,
+    /// Told how far decoding has come, from 0 to 1, from the calling thread.
+    pub progress: &'a (dyn Fn(f32) + Sync),
+}
+
+impl Default for ReadOptions<'_> {
+    /// First volume, default limits, detached data from the header's folder only, no progress.
+    fn default() -> Self {
+        fn ignore(_: f32) {}
+        Self { raw: None, index: None, limits: Limits::default(), siblings_only: true, progress: &ignore }
+    }
+}
+
+/// A volume and what was found out about its file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Imported {
+    /// The volume, in world order.
+    pub volume: Volume,
+    /// Format of the file.
+    pub format: Format,
+    /// Type of a voxel (or component) in the file.
+    pub file_type: VoxelType,
+    /// How many volumes or components the file offers; `index` counts below this.
+    pub choices: u64,
+    /// What was changed, ignored or assumed, one sentence each, for the user to see.
+    pub notices: Vec<String>,
+}
+
+/// Reads a volume file.
+///
+/// The format is decided by content first and by name second. Axes of files with anatomical
+/// orientation are permuted and flipped to the closest LPS; nothing is resampled.
+///
+/// # Errors
+///
+/// [`FormatError`] says which file and field is wrong, what was found and what was expected.
+pub fn read_volume(path: &Path, options: &ReadOptions<'_>) -> Result<Imported, FormatError> {
+    match detect::detect(path, options)? {
+        detect::Detected::Nrrd => nrrd::read(path, options),
+        detect::Detected::Nifti => nifti::read(path, options),
+        detect::Detected::Raw(layout) => raw::read(path, &layout, options),
+    }
+}

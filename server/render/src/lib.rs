@@ -9,6 +9,7 @@ mod gpu;
 mod ray_cast;
 mod renderer;
 pub mod shaders;
+pub mod still;
 mod tables;
 pub mod uniforms;
 mod view;

@@ -98,6 +98,13 @@ pub struct Picture {
     pub rgba: Vec<u8>,
 }
 
+impl Picture {
+    /// Three bytes a pixel.
+    pub fn rgb(&self) -> Vec<u8> {
+        self.rgba.chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect()
+    }
+}
+
 /// Linear radiance.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Radiance {

@@ -1,0 +1,4 @@
+//! Suite `stream`.
+pub fn run(_: &std::path::Path) -> anyhow::Result<()> {
+    Ok(())
+}

@@ -1,0 +1,192 @@
+//! `tyndall render`.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use anyhow::Context;
+use proto::SceneFile;
+use proto::scene_file::limits::MAX_IMAGE_EDGE;
+use render::{AdapterPolicy, DrawRequest, Drawn, Gpu, Renderer, View, still};
+use scene::plan::Target;
+use scene::{Scene, Snapshot};
+use serde_json::{Value, json};
+
+use crate::Refused;
+use crate::scene_on_disk::SceneOnDisk;
+
+/// Samples per pixel where a time budget is the only bound.
+const MAX_SAMPLES_PER_PIXEL: u32 = 4096;
+
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// Scene file (JSON).
+    scene: PathBuf,
+    /// Image to write: .png is tone-mapped; .exr and .npy are linear float32 RGB.
+    #[arg(short, long, value_name = "OUT.{png,exr,npy}")]
+    out: PathBuf,
+    /// Image size; default: the scene's.
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    size: Option<(u32, u32)>,
+    /// Illumination method; default: the scene's.
+    #[arg(long, value_name = "M")]
+    method: Option<String>,
+    /// Keep adding samples for this long.
+    #[arg(long, value_name = "S")]
+    budget_seconds: Option<f64>,
+    /// Stop at this relative error.
+    #[arg(long, value_name = "E")]
+    max_error: Option<f64>,
+    /// JSON merge patch applied to the running scene, incrementally; may be repeated. The picture
+    /// is drawn after each; the last is written.
+    #[arg(long, value_name = "PATCH.json")]
+    edit: Vec<PathBuf>,
+    /// Sets one value before drawing, for example density=2; may be repeated.
+    #[arg(long, value_name = "PATH=JSON")]
+    set: Vec<String>,
+    /// Writes times, exact work counters and what each edit reused.
+    #[arg(long, value_name = "STATS.json")]
+    stats: Option<PathBuf>,
+    /// Prints the plan of each picture: every pass, whether it runs, and why not.
+    #[arg(long)]
+    explain: bool,
+}
+
+fn parse_size(text: &str) -> Result<(u32, u32), String> {
+    let edge = |part: &str| part.parse().ok().filter(|edge| (1..=MAX_IMAGE_EDGE).contains(edge));
+    let size = text.split_once('x').and_then(|(w, h)| Some((edge(w)?, edge(h)?)));
+    size.ok_or_else(|| {
+        format!("expected WxH in pixels, each from 1 to {MAX_IMAGE_EDGE}, for example 640x400")
+    })
+}
+
+/// How a picture leaves.
+#[derive(Clone, Copy)]
+enum Output {
+    Png,
+    Exr,
+    Npy,
+}
+
+pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    // Find every fault that needs no drawing before drawing.
+    let output = output_kind(&arguments.out)?;
+    if arguments.budget_seconds.is_some_and(|s| !s.is_finite() || s <= 0.0) {
+        return Err(Refused("--budget-seconds: must be above 0".into()).into());
+    }
+    let mut disk = SceneOnDisk::read(&arguments.scene)?;
+    for assignment in &arguments.set {
+        let (path, value) = assignment
+            .split_once('=')
+            .ok_or_else(|| Refused(format!("--set {assignment}: expected PATH=JSON")))?;
+        let value = serde_json::from_str(value)
+            .map_err(|error| Refused(format!("--set {assignment}: the value is not JSON: {error}")))?;
+        disk.set(path, value)?;
+    }
+    if let Some(method) = &arguments.method {
+        disk.set("illumination.method", json!(method))?;
+    }
+    let edits = arguments.edit.iter().map(|path| read_patch(path)).collect::<anyhow::Result<Vec<Value>>>()?;
+    let (file, scene) = disk.scene()?;
+    if arguments.max_error.is_some() {
+        let method = scene.method.name();
+        let message = format!("--max-error: `{method}` keeps no estimate of its error; use --budget-seconds");
+        return Err(Refused(message).into());
+    }
+
+    let gpu = Gpu::open(AdapterPolicy::Any)?;
+    let mut session = Session { renderer: Renderer::new(gpu)?, view: View::new(), epoch: 0, arguments };
+    let initial = session.draw(&file, scene, "scene")?;
+    let mut reports = Vec::new();
+    for (index, patch) in edits.iter().enumerate() {
+        disk.merge(patch);
+        let name = arguments.edit[index].display().to_string();
+        let (file, scene) = disk.scene().with_context(|| format!("--edit {name}"))?;
+        reports.push(session.draw(&file, scene, &name)?);
+    }
+    session.write(output, &arguments.out)?;
+    if let Some(path) = &arguments.stats {
+        let info = session.renderer.gpu().info();
+        let stats = json!({"device": info, "initial": initial, "edits": reports});
+        std::fs::write(path, serde_json::to_string_pretty(&stats)?)
+            .with_context(|| format!("cannot write {}", path.display()))?;
+    }
+    Ok(())
+}
+
+/// The running scene: one view, edited as a session would be.
+struct Session<'a> {
+    renderer: Renderer,
+    view: View,
+    epoch: u32,
+    arguments: &'a Arguments,
+}
+
+impl Session<'_> {
+    /// Draws the scene and reports what that took.
+    fn draw(&mut self, file: &SceneFile, scene: Scene, name: &str) -> anyhow::Result<Value> {
+        self.epoch += 1;
+        let (width, height) = self.arguments.size.unwrap_or((file.image.width, file.image.height));
+        let samples = scene.sampling.samples_per_pixel;
+        let snapshot = Arc::new(Snapshot { epoch: self.epoch, scene });
+        let budget = self.arguments.budget_seconds.map(Duration::from_secs_f64);
+        let samples_per_pixel = if budget.is_some() { MAX_SAMPLES_PER_PIXEL } else { samples };
+        let target = Target { width, height, samples_per_pixel };
+        let began = Instant::now();
+        let mut drawn =
+            self.renderer.draw(&mut self.view, &DrawRequest { snapshot: &snapshot, target, budget })?;
+        // The first pass is always finished, whatever the budget.
+        while drawn.samples_per_pixel == 0 {
+            let more = Target { samples_per_pixel: 1, ..target };
+            let request = DrawRequest { snapshot: &snapshot, target: more, budget: None };
+            let rest = self.renderer.draw(&mut self.view, &request)?;
+            for (name, count) in rest.counters {
+                *drawn.counters.entry(name).or_default() += count;
+            }
+            drawn.samples_per_pixel = rest.samples_per_pixel;
+        }
+        let millis = began.elapsed().as_secs_f64() * 1e3;
+        if self.arguments.explain {
+            explain(name, &drawn);
+        }
+        Ok(json!({
+            "name": name, "millis": millis, "samples_per_pixel": drawn.samples_per_pixel, "changes": drawn.plan.changes,
+            "plan": drawn.plan.report(), "stages": drawn.stages, "counters": drawn.counters,
+        }))
+    }
+
+    fn write(&mut self, output: Output, path: &Path) -> anyhow::Result<()> {
+        let bytes = match output {
+            Output::Png => still::png(&self.renderer.picture(&mut self.view)?)?,
+            Output::Exr => still::exr(&self.renderer.radiance(&self.view)?)?,
+            Output::Npy => still::npy(&self.renderer.radiance(&self.view)?),
+        };
+        std::fs::write(path, bytes).with_context(|| format!("cannot write {}", path.display()))
+    }
+}
+
+fn output_kind(path: &Path) -> Result<Output, Refused> {
+    match path.extension().and_then(|extension| extension.to_str()) {
+        Some("png") => Ok(Output::Png),
+        Some("exr") => Ok(Output::Exr),
+        Some("npy") => Ok(Output::Npy),
+        _ => Err(Refused(format!("{}: the name must end in .png, .exr or .npy", path.display()))),
+    }
+}
+
+fn read_patch(path: &Path) -> anyhow::Result<Value> {
+    let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let patch = serde_json::from_str(&text);
+    Ok(patch.map_err(|error| Refused(format!("{}: not valid JSON: {error}", path.display())))?)
+}
+
+fn explain(name: &str, drawn: &Drawn) {
+    let changes =
+        if drawn.plan.changes.is_empty() { "nothing".into() } else { drawn.plan.changes.join(", ") };
+    println!("{name}: changed: {changes}");
+    for pass in drawn.plan.report() {
+        let verdict = if pass.runs { "run " } else { "skip" };
+        let work = if pass.runs { format!(" ({} {})", pass.work, pass.unit) } else { String::new() };
+        println!("  {verdict} {:<26}{}{work}", pass.pass, pass.reason);
+    }
+}

@@ -1,0 +1,141 @@
+//! Scenes in files: reading, editing, and the volumes they name.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::Context;
+use formats::{RawLayout, ReadOptions};
+use proto::SceneFile;
+use proto::scene_file::VolumeSource;
+use scene::{PreparedVolume, Scene, Volume};
+use serde_json::Value;
+
+use crate::Refused;
+
+/// Edge of a built-in volume whose scene names no size.
+const DEFAULT_BUILTIN_EDGE: u32 = 64;
+
+/// A scene file under edit, with the volume it names kept loaded.
+pub struct SceneOnDisk {
+    folder: PathBuf,
+    json: Value,
+    loaded: Option<(VolumeSource, Arc<PreparedVolume>)>,
+}
+
+impl SceneOnDisk {
+    /// Reads a scene; relative paths in it start from its folder.
+    pub fn read(path: &Path) -> anyhow::Result<Self> {
+        let text =
+            std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+        let json = serde_json::from_str(&text)
+            .map_err(|error| Refused(format!("{}: not valid JSON: {error}", path.display())))?;
+        let folder = path.parent().map_or_else(PathBuf::new, Path::to_path_buf);
+        Ok(Self { folder, json, loaded: None })
+    }
+
+    /// Applies a JSON merge patch (RFC 7396; arrays are replaced whole).
+    pub fn merge(&mut self, patch: &Value) {
+        json_patch::merge(&mut self.json, patch);
+    }
+
+    /// Sets one value, for example `lights[0].irradiance` to `[1, 1, 1]`.
+    pub fn set(&mut self, path: &str, value: Value) -> Result<(), Refused> {
+        let mut at = &mut self.json;
+        for step in path_steps(path) {
+            at = match step {
+                Step::Key(key) => {
+                    if at.is_null() {
+                        *at = Value::Object(serde_json::Map::new());
+                    }
+                    let object = at.as_object_mut();
+                    let object = object
+                        .ok_or_else(|| Refused(format!("--set {path}: `{key}` is not in an object")))?;
+                    object.entry(key).or_insert(Value::Null)
+                }
+                Step::Index(index) => {
+                    let slot = at.as_array_mut().and_then(|array| array.get_mut(index));
+                    slot.ok_or_else(|| Refused(format!("--set {path}: there is no entry [{index}]")))?
+                }
+            };
+        }
+        *at = value;
+        Ok(())
+    }
+
+    /// The checked scene; loads the volume if it is another than before.
+    pub fn scene(&mut self) -> anyhow::Result<(SceneFile, Scene)> {
+        let refused = |error: proto::FieldError| Refused(error.to_string());
+        let file = SceneFile::from_value(self.json.clone()).map_err(refused)?;
+        let volume = match &self.loaded {
+            Some((source, volume)) if same_voxels(source, &file.volume) => volume.clone(),
+            _ => {
+                let volume = Arc::new(PreparedVolume::new(self.load(&file.volume)?, &|_| {}));
+                self.loaded = Some((file.volume.clone(), volume.clone()));
+                volume
+            }
+        };
+        let scene = Scene::new(&file, volume).map_err(refused)?;
+        render::check(&scene).map_err(refused)?;
+        Ok((file, scene))
+    }
+
+    fn load(&self, source: &VolumeSource) -> anyhow::Result<Volume> {
+        if let Some(builtin) = source.builtin {
+            let dims = source.dims.unwrap_or([DEFAULT_BUILTIN_EDGE; 3]).map(|n| n as usize);
+            return Ok(scene::builtin::build(builtin, dims, &|_| {}));
+        }
+        let Some(file) = &source.file else {
+            let refused = "volume.dataset: datasets live in a running service; name a `file` or a `builtin`";
+            return Err(Refused(refused.into()).into());
+        };
+        let options = ReadOptions {
+            raw: raw_layout(source)?,
+            index: source.index,
+            siblings_only: false,
+            ..ReadOptions::default()
+        };
+        let imported = formats::read_volume(&self.folder.join(file), &options)
+            .map_err(|error| Refused(format!("volume.file: {error}")))?;
+        for notice in &imported.notices {
+            eprintln!("tyndall: {file}: {notice}");
+        }
+        Ok(imported.volume)
+    }
+}
+
+/// Layout of a raw file, where the scene gives one.
+fn raw_layout(source: &VolumeSource) -> Result<Option<RawLayout>, Refused> {
+    let Some(voxel_type) = source.voxel_type else { return Ok(None) };
+    let missing = || Refused("volume.dims: a raw file needs its size as well as its type".into());
+    Ok(Some(RawLayout {
+        dims: source.dims.ok_or_else(missing)?,
+        voxel_type,
+        endian: source.endian.unwrap_or_default(),
+        header_bytes: source.header_bytes.unwrap_or(0),
+        spacing: None,
+    }))
+}
+
+/// Whether two sources name the same voxels (the filter may differ).
+fn same_voxels(a: &VolumeSource, b: &VolumeSource) -> bool {
+    VolumeSource { filter: b.filter, ..a.clone() } == *b
+}
+
+enum Step {
+    Key(String),
+    Index(usize),
+}
+
+/// `a.b[2].c` as keys and indices, the notation of field errors.
+fn path_steps(path: &str) -> Vec<Step> {
+    let mut steps = Vec::new();
+    for part in path.split('.') {
+        let (key, indices) = part.split_once('[').map_or((part, ""), |(key, rest)| (key, rest));
+        if !key.is_empty() {
+            steps.push(Step::Key(key.to_owned()));
+        }
+        let indices = indices.split('[').filter_map(|index| index.trim_end_matches(']').parse().ok());
+        steps.extend(indices.map(Step::Index));
+    }
+    steps
+}
