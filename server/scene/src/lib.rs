@@ -5,6 +5,7 @@
 //! what each cache was computed from follows the [`plan::Plan`].
 
 pub mod bins;
+pub mod builtin;
 pub mod camera;
 pub mod changes;
 pub mod clip;

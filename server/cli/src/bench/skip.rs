@@ -19,8 +19,7 @@ const IMAGE_EDGE: u32 = 512;
 
 pub fn run(scenes: &[Builtin], out: &Path) -> anyhow::Result<()> {
     let gpu = Gpu::open(AdapterPolicy::Any)?;
-    let about =
-        json!({"device": gpu.info(), "volume": [EDGE, EDGE, EDGE], "image": [IMAGE_EDGE, IMAGE_EDGE], "samples_per_pixel": 1});
+    let about = json!({"device": gpu.info(), "volume": [EDGE, EDGE, EDGE], "image": [IMAGE_EDGE, IMAGE_EDGE], "samples_per_pixel": 1});
     let mut renderer = Renderer::new(gpu)?;
     let mut table = Table {
         name: "skip",

@@ -1,0 +1,86 @@
+/** The REST side of the service. Every failure is a `ProblemError` that says in words what happened. */
+
+import type { CreateSession, Dataset, Histogram, Problem, Session, Status } from "../generated/proto";
+
+const BASE = "/api/v1";
+
+/** A refused or failed request. `message` is for people. */
+export class ProblemError extends Error {
+  constructor(readonly problem: Problem) {
+    super(problem.detail || problem.title);
+    this.name = "ProblemError";
+  }
+
+  get status(): number {
+    return this.problem.status;
+  }
+}
+
+/** Status of a request that never reached the service. */
+export const UNREACHABLE = 0;
+
+export const unreachable = (): ProblemError =>
+  new ProblemError({
+    type: "about:blank",
+    title: "Not reachable",
+    status: UNREACHABLE,
+    detail: "The service cannot be reached. Check that it is running and that the network is up.",
+  });
+
+/** The problem a response body describes; made from the status where there is none. */
+export function problemFrom(status: number, body: string): ProblemError {
+  try {
+    const problem = JSON.parse(body) as Partial<Problem>;
+    if (typeof problem.title === "string" || typeof problem.detail === "string") {
+      const { type = "about:blank", title = "", detail = "", field } = problem;
+      return new ProblemError({ type, title, status, detail, ...(field === undefined ? {} : { field }) });
+    }
+  } catch {
+    // Not a problem document: a proxy answered, or the body was cut off. The status says enough.
+  }
+  return new ProblemError({ type: "about:blank", title: `HTTP ${status}`, status, detail: `The service answered with status ${status}.` });
+}
+
+async function send(path: string, init: RequestInit): Promise<Response> {
+  const response = await fetch(BASE + path, init).catch(() => {
+    throw unreachable();
+  });
+  if (!response.ok) throw problemFrom(response.status, await response.text());
+  return response;
+}
+
+const getJson = async <T>(path: string): Promise<T> => (await (await send(path, {})).json()) as T;
+
+const segment = encodeURIComponent;
+
+export const getStatus = (): Promise<Status> => getJson("/status");
+export const getDatasets = (): Promise<Dataset[]> => getJson("/datasets");
+export const getHistogram = (id: string): Promise<Histogram> => getJson(`/datasets/${segment(id)}/histogram`);
+export const thumbnailUrl = (id: string): string => `${BASE}/datasets/${segment(id)}/thumbnail`;
+export const uploadUrl = `${BASE}/datasets`;
+export const getSession = (id: string): Promise<Session> => getJson(`/sessions/${segment(id)}`);
+
+export async function deleteDataset(id: string): Promise<void> {
+  await send(`/datasets/${segment(id)}`, { method: "DELETE" });
+}
+
+export async function createSession(request: CreateSession): Promise<Session> {
+  const response = await send("/sessions", {
+    method: "POST",
+    headers: { "Content-Type": "application/json" },
+    body: JSON.stringify(request),
+  });
+  return (await response.json()) as Session;
+}
+
+/** The session's scene drawn at full quality as PNG. */
+export async function getSnapshot(id: string, width: number, height: number): Promise<Blob> {
+  const response = await send(`/sessions/${segment(id)}/snapshot?format=png&width=${width}&height=${height}`, {});
+  return response.blob();
+}
+
+/** Where a viewer of a session connects. */
+export function viewUrl(id: string): string {
+  const { protocol, host } = window.location;
+  return `${protocol === "https:" ? "wss" : "ws"}://${host}${BASE}/sessions/${segment(id)}/view`;
+}

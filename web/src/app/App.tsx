@@ -1,0 +1,77 @@
+/** The page: bars, panels and the picture between them. */
+
+import { useEffect } from "react";
+import { DatasetsPanel } from "../datasets/DatasetsPanel";
+import { DropZone } from "../datasets/DropZone";
+import { refreshDatasets } from "../datasets/store";
+import { LightsPanel } from "../lights/LightsPanel";
+import { MaterialsPanel } from "../materials/MaterialsPanel";
+import { ClipPanel } from "../quality/ClipPanel";
+import { QualityPanel } from "../quality/QualityPanel";
+import { session } from "../session/engine";
+import { useSession } from "../session/store";
+import { StatisticsPanel } from "../statistics/StatisticsPanel";
+import { StatusLine } from "../statistics/StatusLine";
+import { TransferPanel } from "../transfer-function/TransferPanel";
+import { Viewport } from "../viewport/Viewport";
+import { HelpSheet } from "./HelpSheet";
+import { handleKey } from "./keyboard";
+import { sayError } from "./say";
+import { TopBar } from "./TopBar";
+import { useUi } from "./uiStore";
+
+/** Members of the scene whose refused edits are shown in a panel; all others become a message. */
+const SHOWN_IN_PLACE = /^(transfer_function|value_range|density|materials|lights|clip|sampling|film|background|volume|scattering|illumination)/;
+
+export function App() {
+  const left = useUi((ui) => ui.leftOpen);
+  const right = useUi((ui) => ui.rightOpen);
+  const statistics = useUi((ui) => ui.statisticsOpen);
+  const connected = useSession((state) => state.link === "open");
+
+  useEffect(() => {
+    window.addEventListener("keydown", handleKey);
+    return () => window.removeEventListener("keydown", handleKey);
+  }, []);
+
+  // The list is asked for at the start and after every time the service was away.
+  useEffect(() => void refreshDatasets(), [connected]);
+
+  useEffect(() => useSession.subscribe(({ fieldError }, before) => {
+    if (fieldError && fieldError !== before.fieldError && !SHOWN_IN_PLACE.test(fieldError.field)) {
+      sayError(new Error([fieldError.field, fieldError.message].filter((part) => part !== "").join(": ")));
+    }
+  }), []);
+
+  // What was selected belongs to the scene before.
+  const sessionId = useSession((state) => state.sessionId);
+  useEffect(() => void useUi.setState({ selectedPoint: null, selectedLight: null }), [sessionId]);
+
+  return (
+    <div className="page" data-left={left} data-right={right}>
+      <TopBar />
+      {left && <aside className="panel panel-left" data-testid="panel-left"><DatasetsPanel /></aside>}
+      <main className="stage">
+        <Viewport />
+        {statistics && <StatisticsPanel />}
+      </main>
+      {right && (
+        <aside className="panel panel-right" data-testid="panel-right">
+          <TransferPanel />
+          <MaterialsPanel />
+          <LightsPanel />
+          <ClipPanel />
+          <QualityPanel />
+        </aside>
+      )}
+      <StatusLine />
+      <HelpSheet />
+      <DropZone />
+    </div>
+  );
+}
+
+/** Starts the session once, outside of any component's life. */
+export function start(): void {
+  session.start();
+}

@@ -1,0 +1,95 @@
+/** Name, dataset, method, and what concerns the scene as a whole. */
+
+import { FileButton, NativeSelect, Select, Tooltip, useMantineColorScheme } from "@mantine/core";
+import { explore, takeFiles, useDatasets } from "../datasets/store";
+import type { Method } from "../generated/proto";
+import { methodChoices, shortcoming } from "../quality/methods";
+import { session } from "../session/engine";
+import { useSession } from "../session/store";
+import { FieldNote, IconButton } from "./controls";
+import { copyShareLink, saveScene } from "./files";
+import { sayError } from "./say";
+import { useUi } from "./uiStore";
+
+export function TopBar() {
+  const canUndo = useSession((state) => state.canUndo);
+  const canRedo = useSession((state) => state.canRedo);
+  const hasScene = useSession((state) => state.scene !== null);
+  const left = useUi((ui) => ui.leftOpen);
+  const right = useUi((ui) => ui.rightOpen);
+  const { colorScheme, setColorScheme } = useMantineColorScheme();
+  const dark = colorScheme !== "light";
+  return (
+    <header className="top-bar" data-testid="top-bar">
+      <IconButton icon="panelLeft" label="Datasets" hotkey="[" active={left} onClick={() => useUi.setState({ leftOpen: !left })} testId="toggle-left" />
+      <span className="wordmark">Tyndall</span>
+      <DatasetSelect />
+      <MethodSelect />
+      <span className="top-gap" />
+      <IconButton icon="undo" label="Undo" hotkey="Z" disabled={!canUndo} onClick={() => session.undo()} testId="undo" />
+      <IconButton icon="redo" label="Redo" hotkey="Shift Z" disabled={!canRedo} onClick={() => session.redo()} testId="redo" />
+      <span className="top-rule" />
+      <FileButton accept=".json,application/json" onChange={(file) => file && void takeFiles([file]).catch(sayError)}>
+        {(props) => <IconButton icon="open" label="Open a scene file" testId="open-scene" {...props} />}
+      </FileButton>
+      <IconButton icon="save" label="Save the scene as a file" disabled={!hasScene} onClick={saveScene} testId="save-scene" />
+      <IconButton icon="share" label="Copy a link to this scene" disabled={!hasScene} onClick={() => void copyShareLink().catch(sayError)} testId="share" />
+      <span className="top-rule" />
+      <IconButton icon={dark ? "sun" : "moon"} label={dark ? "Light theme, for projectors and print" : "Dark theme"} onClick={() => setColorScheme(dark ? "light" : "dark")} testId="toggle-theme" />
+      <IconButton icon="help" label="Keys and gestures" hotkey="?" onClick={() => useUi.setState({ helpOpen: true })} testId="help" />
+      <IconButton icon="panelRight" label="Transfer function and lights" hotkey="]" active={right} onClick={() => useUi.setState({ rightOpen: !right })} testId="toggle-right" />
+    </header>
+  );
+}
+
+function DatasetSelect() {
+  const list = useDatasets((state) => state.list);
+  const current = useSession((state) => state.dataset);
+  const option = ({ id, name }: { id: string; name: string }) => ({ value: id, label: name });
+  const groups = [
+    { group: "Mine", items: list.filter((dataset) => !dataset.sample).map(option) },
+    { group: "Samples", items: list.filter((dataset) => dataset.sample).map(option) },
+  ].filter(({ items }) => items.length > 0);
+  const known = list.some(({ id }) => id === current?.id);
+  const data = [...(current && !known ? [option(current)] : []), ...(current ? [] : [{ value: "", label: "no dataset" }]), ...groups];
+  return <NativeSelect aria-label="Dataset" className="top-dataset" value={current?.id ?? ""} data={data} data-testid="dataset-select" onChange={(event) => event.currentTarget.value !== "" && void explore(event.currentTarget.value)} />;
+}
+
+function MethodSelect() {
+  const method = useSession((state) => state.scene?.illumination.method);
+  const built = useSession((state) => state.status?.methods);
+  const lack = useSession((state) => (state.scene ? shortcoming(state.scene) : null));
+  if (!method) return null;
+  const choice = methodChoices.find((other) => other.method === method);
+  const data = methodChoices.map((other) => ({ value: other.method, label: other.label, disabled: built !== undefined && !built.includes(other.method) }));
+  return (
+    <>
+      <Tooltip label={<>{choice?.gives}<br /><span className="dim">{choice?.paper}</span></>}>
+        <Select
+          aria-label="Illumination method"
+          className="top-method"
+          data={data}
+          value={method}
+          allowDeselect={false}
+          withCheckIcon={false}
+          comboboxProps={{ width: 330, position: "bottom-start" }}
+          maxDropdownHeight={420}
+          data-testid="method-select"
+          data-method={method}
+          onChange={(next) => next && session.edit({ illumination: { method: next as Method } })}
+          renderOption={({ option }) => {
+            const { gives, label } = methodChoices.find((other) => other.method === option.value) ?? { gives: "", label: option.label };
+            return (
+              <div className="method-option" data-testid={`method-${option.value}`} data-disabled={option.disabled}>
+                <span>{label}</span>
+                <span className="dim">{option.disabled ? "not built yet" : gives}</span>
+              </div>
+            );
+          }}
+        />
+      </Tooltip>
+      {lack !== null && <span className="top-note" role="status" data-testid="method-note">{lack}</span>}
+      <FieldNote fields={["illumination"]} />
+    </>
+  );
+}

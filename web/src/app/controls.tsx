@@ -1,0 +1,238 @@
+/** Controls that every panel uses. */
+
+import { ColorPicker, NumberInput, Popover, Slider, Tooltip, ActionIcon } from "@mantine/core";
+import { useId, useState, type ReactNode } from "react";
+import { hexFromLinear, linearFromHex } from "../scene/colour";
+import { rounded, type Triple } from "../scene/vec";
+import { rootOf, session } from "../session/engine";
+import { useSession } from "../session/store";
+import { Icon, type IconName } from "./Icon";
+import { useUi, type SectionId } from "./uiStore";
+
+/** A part of a side panel that folds. Refused edits of the scene members in `fields` are shown in it. */
+export function Section({ id, title, fields = [], actions, children }: {
+  id: SectionId;
+  title: string;
+  fields?: readonly string[];
+  actions?: ReactNode;
+  children: ReactNode;
+}) {
+  const open = useUi((ui) => !ui.closedSections.includes(id));
+  const toggle = useUi((ui) => ui.toggleSection);
+  const body = useId();
+  return (
+    <section className="section" data-testid={`section-${id}`} data-open={open}>
+      <header className="section-head">
+        <button type="button" className="section-title" aria-expanded={open} aria-controls={body} onClick={() => toggle(id)} data-testid={`section-toggle-${id}`}>
+          <Icon name="chevron" size={12} />
+          {title}
+        </button>
+        {open && actions}
+      </header>
+      <FieldNote fields={fields} />
+      {open && <div className="section-body" id={body}>{children}</div>}
+    </section>
+  );
+}
+
+/** Why the server refused the last edit of one of these members of the scene. */
+export function FieldNote({ fields }: { fields: readonly string[] }) {
+  const error = useSession((state) => state.fieldError);
+  if (!error || !fields.includes(rootOf(error.field))) return null;
+  return (
+    <p className="note note-danger" role="alert" data-testid="field-error" data-field={error.field}>
+      {error.message}
+      <button type="button" className="note-close" aria-label="Dismiss" onClick={() => useSession.setState({ fieldError: null })}>
+        <Icon name="close" size={10} />
+      </button>
+    </p>
+  );
+}
+
+export function Row({ label, hint, children }: { label: string; hint?: string; children: ReactNode }) {
+  const text = <span className="row-label">{label}</span>;
+  return (
+    <div className="row">
+      {hint === undefined ? text : <Tooltip label={hint}>{text}</Tooltip>}
+      <div className="row-control">{children}</div>
+    </div>
+  );
+}
+
+interface NumberFieldProps {
+  label: string;
+  value: number;
+  onChange: (value: number) => void;
+  min?: number;
+  max?: number;
+  step?: number;
+  digits?: number;
+  width?: number;
+  suffix?: string;
+  testId: string;
+}
+
+/** A number; only values in range are passed on, each as it is typed. */
+export function NumberField({ label, value, onChange, min, max, step = 0.1, digits = 4, width = 68, suffix, testId }: NumberFieldProps) {
+  return (
+    <NumberInput
+      aria-label={label}
+      data-testid={testId}
+      w={width}
+      value={rounded(value, digits)}
+      step={step}
+      hideControls
+      clampBehavior="blur"
+      {...(min === undefined ? {} : { min })}
+      {...(max === undefined ? {} : { max })}
+      {...(suffix === undefined ? {} : { suffix })}
+      onChange={(next) => {
+        const number = typeof next === "number" ? next : Number.NaN;
+        if (Number.isFinite(number) && number >= (min ?? -Infinity) && number <= (max ?? Infinity) && number !== rounded(value, digits)) onChange(number);
+      }}
+    />
+  );
+}
+
+/** A slider with its number. One drag is one undo step. */
+export function SliderField({ label, hint, value, onChange, min, max, step, toSlider = identity, fromSlider = identity, digits = 3, sliderMax, testId }: {
+  label: string;
+  hint?: string;
+  value: number;
+  onChange: (value: number) => void;
+  min: number;
+  max: number;
+  step: number;
+  /** Value to slider position and back, where the slider is not linear. */
+  toSlider?: (value: number) => number;
+  fromSlider?: (position: number) => number;
+  digits?: number;
+  /** The slider may end before the number does. */
+  sliderMax?: number;
+  testId: string;
+}) {
+  const low = toSlider(min);
+  const high = toSlider(sliderMax ?? max);
+  return (
+    <Row label={label} {...(hint === undefined ? {} : { hint })}>
+      <Slider
+        className="row-slider"
+        min={low}
+        max={high}
+        step={(high - low) / 400}
+        label={null}
+        value={Math.min(high, toSlider(value))}
+        thumbLabel={label}
+        onChange={(position) => {
+          session.beginGesture();
+          onChange(rounded(fromSlider(position), digits));
+        }}
+        onChangeEnd={() => session.endGesture()}
+        data-testid={`${testId}-slider`}
+      />
+      <NumberField label={label} value={value} onChange={onChange} min={min} max={max} step={step} width={58} testId={testId} />
+    </Row>
+  );
+}
+
+const identity = (value: number): number => value;
+
+/** A swatch that opens a picker with the colours used before. Colours are linear. */
+export function ColorField({ label, color, onChange, testId }: {
+  label: string;
+  color: Triple;
+  onChange: (color: Triple) => void;
+  testId: string;
+}) {
+  const [opened, setOpened] = useState(false);
+  const recent = useUi((ui) => ui.recentColours);
+  const hex = hexFromLinear(color);
+  const pick = (text: string) => {
+    const linear = linearFromHex(text);
+    if (linear && text !== hex) onChange(linear);
+  };
+  return (
+    <Popover opened={opened} onChange={setOpened} position="left" withinPortal trapFocus>
+      <Popover.Target>
+        <button type="button" className="swatch" style={{ background: hex }} aria-label={`${label}: ${hex}`} title={`${label} ${hex}`} data-testid={testId} data-color={hex} onClick={() => setOpened((is) => !is)} />
+      </Popover.Target>
+      <Popover.Dropdown p={8}>
+        <ColorPicker
+          value={hex}
+          format="hex"
+          swatches={recent}
+          swatchesPerRow={7}
+          onChange={(text) => {
+            session.beginGesture();
+            pick(text);
+          }}
+          onChangeEnd={(text) => {
+            session.endGesture();
+            useUi.getState().usedColour(text);
+          }}
+        />
+        <input
+          className="hex-input"
+          aria-label={`${label} as hexadecimal sRGB`}
+          defaultValue={hex}
+          key={hex}
+          spellCheck={false}
+          data-testid={`${testId}-hex`}
+          onKeyDown={(event) => {
+            if (event.key === "Enter") pick(event.currentTarget.value);
+          }}
+          onBlur={(event) => pick(event.currentTarget.value)}
+        />
+      </Popover.Dropdown>
+    </Popover>
+  );
+}
+
+/** A button that is only an icon, with its name and key in the tooltip. */
+export function IconButton({ icon, label, hotkey, onClick, disabled = false, active = false, testId }: {
+  icon: IconName;
+  label: string;
+  hotkey?: string;
+  onClick: () => void;
+  disabled?: boolean;
+  active?: boolean;
+  testId: string;
+}) {
+  return (
+    <Tooltip label={hotkey === undefined ? label : <>{label} <kbd>{hotkey}</kbd></>}>
+      <ActionIcon color="gray" aria-label={label} aria-pressed={active} data-active={active} disabled={disabled} onClick={onClick} data-testid={testId}>
+        <Icon name={icon} />
+      </ActionIcon>
+    </Tooltip>
+  );
+}
+
+/** Three numbers in a row. */
+export function TripleField({ label, value, onChange, step = 0.05, testId }: {
+  label: string;
+  value: Triple;
+  onChange: (value: Triple) => void;
+  step?: number;
+  testId: string;
+}) {
+  return (
+    <Row label={label}>
+      {(["x", "y", "z"] as const).map((axis, index) => (
+        <NumberField
+          key={axis}
+          label={`${label} ${axis}`}
+          value={value[index] ?? 0}
+          step={step}
+          width={60}
+          digits={3}
+          testId={`${testId}-${axis}`}
+          onChange={(number) => {
+            const next: Triple = [...value];
+            next[index] = number;
+            onChange(next);
+          }}
+        />
+      ))}
+    </Row>
+  );
+}

@@ -1,0 +1,56 @@
+/** One table of keys: it drives the handler and the help sheet. */
+
+import { session } from "../session/engine";
+import { lookAtNumber, resetView, toggleFullScreen, turn, zoomStep } from "../viewport/actions";
+import { saveStill } from "./files";
+import { sayError } from "./say";
+import { useUi } from "./uiStore";
+
+interface Binding {
+  /** `KeyboardEvent.key`, and whether Shift must be held (left open: either). */
+  keys: string[];
+  shift?: boolean;
+  shown: string;
+  does: string;
+  run: (key: string) => void;
+}
+
+const flipLeft = (): void => void useUi.setState((ui) => ({ leftOpen: !ui.leftOpen }));
+const flipRight = (): void => void useUi.setState((ui) => ({ rightOpen: !ui.rightOpen }));
+
+export const bindings: readonly Binding[] = [
+  { keys: ["ArrowLeft"], shown: "←", does: "Turn left", run: () => turn(-1, 0) },
+  { keys: ["ArrowRight"], shown: "→", does: "Turn right", run: () => turn(1, 0) },
+  { keys: ["ArrowUp"], shown: "↑", does: "Turn up", run: () => turn(0, -1) },
+  { keys: ["ArrowDown"], shown: "↓", does: "Turn down", run: () => turn(0, 1) },
+  { keys: ["+", "="], shown: "+", does: "Nearer", run: () => zoomStep(1) },
+  { keys: ["-", "_"], shown: "−", does: "Farther", run: () => zoomStep(-1) },
+  { keys: ["1", "2", "3", "4", "5", "6"], shown: "1 – 6", does: "Front, back, left, right, top, bottom", run: (key) => lookAtNumber(Number(key)) },
+  { keys: ["r"], shown: "R", does: "Back to the starting view", run: resetView },
+  { keys: ["f"], shown: "F", does: "Full screen", run: () => void toggleFullScreen().catch(sayError) },
+  { keys: ["s"], shown: "S", does: "Save a still as PNG", run: () => void saveStill() },
+  { keys: ["z"], shift: false, shown: "Z", does: "Undo", run: () => session.undo() },
+  { keys: ["z"], shift: true, shown: "Shift Z", does: "Redo", run: () => session.redo() },
+  { keys: ["["], shown: "[", does: "Fold the left panel", run: flipLeft },
+  { keys: ["]"], shown: "]", does: "Fold the right panel", run: flipRight },
+  { keys: ["i"], shown: "I", does: "Statistics", run: () => void useUi.setState((ui) => ({ statisticsOpen: !ui.statisticsOpen })) },
+  { keys: ["?"], shown: "?", does: "This sheet", run: () => void useUi.setState((ui) => ({ helpOpen: !ui.helpOpen })) },
+];
+
+/** Elements that use letters, and those that use arrows. */
+const TYPING = "input:not([type=range]), textarea, select, [contenteditable=true], [role=dialog]";
+const STEPPING = "[role=slider], [role=listbox], [role=radiogroup], [role=menu]";
+
+export function handleKey(event: KeyboardEvent): void {
+  if (event.defaultPrevented || event.altKey) return;
+  const target = event.target instanceof Element ? event.target : document.body;
+  const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+  // Ctrl/Cmd with Z works like the plain key; other combinations belong to the browser.
+  if ((event.ctrlKey || event.metaKey) && key !== "z") return;
+  if (target.closest(TYPING) && !(key === "?" && target.closest("[data-help]"))) return;
+  if (key.startsWith("Arrow") && target.closest(STEPPING)) return;
+  const binding = bindings.find(({ keys, shift }) => keys.includes(key) && (shift === undefined || shift === event.shiftKey));
+  if (!binding) return;
+  event.preventDefault();
+  binding.run(key);
+}

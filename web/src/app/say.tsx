@@ -1,0 +1,16 @@
+/** Short messages that concern no control in particular. */
+
+import { notifications } from "@mantine/notifications";
+import { wordsOf } from "../session/engine";
+
+/** How long a message stays, milliseconds. */
+const NOTICE_MILLIS = 3500;
+const ERROR_MILLIS = 9000;
+
+export const say = (message: string): void => {
+  notifications.show({ message, autoClose: NOTICE_MILLIS, withBorder: true });
+};
+
+export const sayError = (error: unknown): void => {
+  notifications.show({ message: wordsOf(error), autoClose: ERROR_MILLIS, color: "red", withBorder: true });
+};

@@ -1,0 +1,68 @@
+import { describe, expect, it } from "vitest";
+import { formatBytes } from "./format";
+import { groupFiles, guessLayout, layoutProblem, sidecarName } from "./grouping";
+import { SpeedMeter } from "./upload";
+
+const named = (...names: string[]) => names.map((name) => ({ name, size: 10 }));
+const groups = (...names: string[]) => groupFiles(named(...names)).map((group) => group.files.map((file) => file.name));
+
+describe("dropped files", () => {
+  it("go together when there is a header and its data", () => {
+    expect(groups("engine.raw.gz", "engine.nhdr")).toEqual([["engine.nhdr", "engine.raw.gz"]]);
+    expect(groups("head.mhd", "voxels.raw")).toEqual([["head.mhd", "voxels.raw"]]);
+    expect(groups("fuel.json", "fuel.raw")).toEqual([["fuel.json", "fuel.raw"]]);
+  });
+
+  it("are told apart by their names", () => {
+    expect(groups("a.nhdr", "b.raw", "a.raw", "c.nrrd")).toEqual([["a.nhdr", "a.raw"], ["b.raw"], ["c.nrrd"]]);
+    expect(groups("a.nhdr", "b.nhdr", "b.raw")).toEqual([["a.nhdr"], ["b.nhdr", "b.raw"]]);
+  });
+
+  it("are one dataset when they are a series", () => {
+    expect(groups("1.dcm", "2.dcm", "x.nii.gz")).toEqual([["1.dcm", "2.dcm"], ["x.nii.gz"]]);
+  });
+
+  it("need a layout only when raw and alone", () => {
+    expect(groupFiles(named("a.raw"))[0]?.needsLayout).toBe(true);
+    expect(groupFiles(named("a.raw.gz"))[0]?.needsLayout).toBe(true);
+    expect(groupFiles(named("a.raw", "a.json"))[0]?.needsLayout).toBe(false);
+    expect(groupFiles(named("a.nrrd"))[0]?.needsLayout).toBe(false);
+  });
+});
+
+describe("a raw file's layout", () => {
+  it("is guessed from name and size", () => {
+    expect(guessLayout({ name: "bonsai_256x128x64_uint16.raw", size: 1 })).toMatchObject({ dims: [256, 128, 64], type: "uint16" });
+    expect(guessLayout({ name: "silicium_98_34_34_uint8.dat", size: 1 })).toMatchObject({ dims: [98, 34, 34], type: "uint8" });
+    expect(guessLayout({ name: "a_4x4x4.raw", size: 256 }).type).toBe("float32");
+    expect(guessLayout({ name: "cube.raw", size: 27 }).dims).toEqual([3, 3, 3]);
+  });
+
+  it("is checked against the file", () => {
+    const layout = { dims: [4, 4, 4] as [number, number, number], type: "uint16" as const, endian: "little" as const, header_bytes: 10 };
+    expect(layoutProblem(layout, 138, false)).toBeNull();
+    expect(layoutProblem(layout, 137, false)).toContain("only 137");
+    expect(layoutProblem(layout, 140, false)).toContain("2 bytes of the file unused");
+    expect(layoutProblem(layout, 1, true)).toBeNull();
+    expect(layoutProblem({ ...layout, dims: [0, 1, 1] }, 138, true)).toContain("at least 1");
+  });
+
+  it("is stated beside the file", () => {
+    expect(sidecarName("fuel_64.raw.gz")).toBe("fuel_64.json");
+  });
+});
+
+describe("numbers in words", () => {
+  it("have fitting units", () => {
+    expect(formatBytes(999)).toBe("999 B");
+    expect(formatBytes(16_777_216)).toBe("16.8 MB");
+  });
+
+  it("measure speed over the last moments", () => {
+    const meter = new SpeedMeter();
+    expect(meter.mark(0, 0)).toBe(0);
+    expect(meter.mark(1000, 1000)).toBeCloseTo(1000, 9);
+    expect(meter.mark(9000, 5000)).toBe(0);
+    expect(meter.mark(10_000, 6000)).toBeCloseTo(1000, 9);
+  });
+});

@@ -1,0 +1,55 @@
+/** How finely the picture is sampled and how it is put on screen. */
+
+import { NativeSelect, Switch } from "@mantine/core";
+import { ColorField, NumberField, Row, Section, SliderField } from "../app/controls";
+import type { ToneMapping } from "../generated/proto";
+import { session } from "../session/engine";
+import { useSession } from "../session/store";
+
+const MAX_SAMPLES = 4096;
+/** Samples per pixel at the end of the slider. */
+const SLIDER_SAMPLES = 256;
+/** Scattering orders that can be typed; the scene's own limit. */
+const MAX_ORDERS = 1_000_000;
+
+const toneMappings: readonly { value: ToneMapping; label: string }[] = [
+  { value: "neutral", label: "Neutral" },
+  { value: "linear", label: "Linear, clipped" },
+  { value: "reinhard", label: "Reinhard" },
+];
+
+export function QualityPanel() {
+  const sampling = useSession((state) => state.scene?.sampling);
+  const film = useSession((state) => state.scene?.film);
+  const background = useSession((state) => state.scene?.background);
+  const filter = useSession((state) => state.scene?.volume.filter);
+  const orders = useSession((state) => state.scene?.scattering.orders);
+  if (!sampling || !film || background === undefined || orders === undefined) return null;
+  return (
+    <Section id="quality" title="Quality" fields={["sampling", "film", "background", "volume", "scattering"]}>
+      <SliderField label="Step" hint="Distance between samples on a ray, in smallest voxel edges" value={sampling.step_voxels} min={1 / 16} max={8} step={0.05} toSlider={Math.log2} fromSlider={(x) => 2 ** x} testId="step-voxels" onChange={(step_voxels) => session.edit({ sampling: { step_voxels } }, "step")} />
+      <SliderField label="Samples" hint="Jittered passes per pixel that are accumulated at rest" value={sampling.samples_per_pixel} min={1} max={MAX_SAMPLES} sliderMax={SLIDER_SAMPLES} step={1} toSlider={Math.log2} fromSlider={(x) => Math.round(2 ** x)} digits={4} testId="samples-per-pixel" onChange={(samples) => session.edit({ sampling: { samples_per_pixel: Math.round(samples) } }, "samples")} />
+      <Row label="Empty space" hint="Skips regions without matter; never changes the picture">
+        <Switch checked={sampling.skip_empty} label="Skip" data-testid="skip-empty" onChange={(event) => session.edit({ sampling: { skip_empty: event.currentTarget.checked } })} />
+      </Row>
+      <Row label="Voxels" hint="How values between voxel centres are found; nearest is for labels">
+        <NativeSelect aria-label="Interpolation" value={filter ?? "linear"} data={[{ value: "linear", label: "Interpolated" }, { value: "nearest", label: "Nearest" }]} data-testid="filter" onChange={(event) => session.edit({ volume: { filter: event.currentTarget.value } })} />
+      </Row>
+      <Row label="Scattering" hint="How often light may scatter on its way">
+        <NativeSelect aria-label="Scattering orders" value={orders === "all" ? "all" : orders === 1 ? "single" : "some"} data={[{ value: "all", label: "All orders" }, { value: "single", label: "Single" }, { value: "some", label: "At most" }]} data-testid="scattering" onChange={(event) => {
+          const chosen = event.currentTarget.value;
+          session.edit({ scattering: { orders: chosen === "all" ? "all" : chosen === "single" ? 1 : 4 } });
+        }} />
+        {orders !== "all" && orders !== 1 && <NumberField label="Most orders" value={orders} min={1} max={MAX_ORDERS} step={1} width={58} testId="scattering-orders" onChange={(count) => session.edit({ scattering: { orders: Math.round(count) } }, "orders")} />}
+      </Row>
+      <SliderField label="Exposure" hint="Stops: each doubles the light" value={film.exposure_stops} min={-20} max={20} sliderMax={6} step={0.1} toSlider={(x) => Math.max(-6, x)} testId="exposure" onChange={(exposure_stops) => session.edit({ film: { exposure_stops } }, "exposure")} />
+      <Row label="Tone mapping" hint="From radiance to screen">
+        <NativeSelect aria-label="Tone mapping" value={film.tone_mapping} data={[...toneMappings]} data-testid="tone-mapping" onChange={(event) => session.edit({ film: { tone_mapping: event.currentTarget.value } })} />
+      </Row>
+      <Row label="Background">
+        {background !== "environment" && <ColorField label="Background" color={background} testId="background" onChange={(color) => session.edit({ background: color }, "background")} />}
+        <Switch checked={background === "environment"} label="Environment" data-testid="background-environment" onChange={(event) => session.edit({ background: event.currentTarget.checked ? "environment" : [0, 0, 0] })} />
+      </Row>
+    </Section>
+  );
+}

@@ -1,0 +1,33 @@
+/** The illumination methods by what they give. */
+
+import type { Method, SceneFile } from "../generated/proto";
+
+export interface MethodChoice {
+  method: Method;
+  label: string;
+  /** What it gives. */
+  gives: string;
+  /** Where it comes from. */
+  paper: string;
+}
+
+export const methodChoices: readonly MethodChoice[] = [
+  { method: "local", label: "Local", gives: "No shadows, instant", paper: "Shading by gradient and phase function" },
+  { method: "convection_diffusion", label: "Convection-diffusion", gives: "Soft shadows and scattering on a grid", paper: "Zhang and Ma, Fast Global Illumination for Interactive Volume Visualization, 2013" },
+  { method: "image_based", label: "Image-based", gives: "Environment light, single scattering", paper: "Delalandre, Gautron and Marvie, Real-Time Image-Based Volume Lighting, 2013" },
+  { method: "photon_map", label: "Photon map", gives: "Everything; follows edits", paper: "Jönsson, Kronander, Ropinski and Ynnerman, Historygrams, 2012" },
+  { method: "precomputed_transfer", label: "Precomputed", gives: "Bake once, then light is free", paper: "Zhang, Dong and Ma, Precomputed Photon Mapping in Dynamic Lighting Environments, 2013" },
+  { method: "path_traced", label: "Path traced", gives: "The truth, in time", paper: "Unbiased path tracing" },
+];
+
+export const labelOf = (method: Method): string => methodChoices.find((choice) => choice.method === method)?.label ?? method;
+
+/** What of the scene its method does not show; null if nothing is left out. */
+export function shortcoming({ illumination, lights }: Pick<SceneFile, "illumination" | "lights">): string | null {
+  const shining = lights.filter((light) => light.enabled);
+  if (illumination.method === "image_based" && shining.some((light) => light.type !== "environment")) {
+    return "Only the environment is part of image-based lighting; the other lights are left out.";
+  }
+  if (illumination.method === "image_based" && shining.length === 0) return "Image-based lighting needs an environment light.";
+  return null;
+}

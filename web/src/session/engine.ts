@@ -1,0 +1,499 @@
+/**
+ * The session: opens it, keeps the connection, sends inputs, takes scenes and pictures.
+ *
+ * Inputs are sent once per animation frame, newest state only. A lost connection is retried with
+ * growing pauses for as long as the page is open; a session that is gone is made anew from the
+ * scene on screen.
+ */
+
+import * as rest from "../api/rest";
+import {
+  PROTOCOL_VERSION, type Camera, type ClientMessage, type CreateSession, type FrameHeader, type SceneFile, type ServerMessage,
+} from "../generated/proto";
+import { type Patch } from "../scene/mergePatch";
+import { EditLog } from "./edits";
+import { FrameReceiver } from "./frames";
+import { Meters } from "./meters";
+import { parseAddress, decodeScene, sessionAddress } from "./shareLink";
+import { useSession, type SessionState } from "./store";
+import { SceneSync } from "./sync";
+import { loadView, saveView } from "./viewMemory";
+
+/** Pauses between attempts to connect, milliseconds; the last repeats. */
+const RETRY_MILLIS = [300, 700, 1500, 3000, 6000, 10_000] as const;
+/** Close code of a session that does not exist. */
+const CLOSE_SESSION_GONE = 4404;
+/** How often the readings in the status line change, milliseconds. */
+const READINGS_MILLIS = 250;
+/** Inputs of a hidden page are sent this often, milliseconds: it gets no animation frames. */
+const HIDDEN_FLUSH_MILLIS = 100;
+/** Longest wait for the server to confirm the camera before a still is asked for, milliseconds. */
+const SETTLE_MILLIS = 3000;
+
+export interface ViewportSize {
+  width: number;
+  height: number;
+  pixel_ratio: number;
+}
+
+type Presenter = (picture: ImageBitmap, header: FrameHeader) => void;
+
+const set = (state: Partial<SessionState>): void => useSession.setState(state);
+
+class Engine {
+  private sync: SceneSync | null = null;
+  private edits = new EditLog();
+  private readonly meters = new Meters();
+  private socket: WebSocket | null = null;
+  private receiver: FrameReceiver<ImageBitmap> | null = null;
+  private welcomed = false;
+  private attempt = 0;
+  private retryTimer: number | undefined;
+  private seq = 0;
+  private flushPending = false;
+  private cameraMoved = false;
+  private viewport: ViewportSize | null = null;
+  private viewportChanged = false;
+  private presenter: Presenter | null = null;
+  private settleWaiters: (() => void)[] = [];
+  /** Grows with every session that is asked for; answers to older wishes are dropped. */
+  private wish = 0;
+
+  /** Opens what the address asks for, else the first dataset the service offers. */
+  start(): void {
+    window.addEventListener("hashchange", () => void this.followAddress());
+    window.addEventListener("pagehide", () => this.rememberView());
+    window.addEventListener("online", () => this.retryNow());
+    document.addEventListener("visibilitychange", () => {
+      this.send({ type: "visible", visible: !document.hidden });
+      if (!document.hidden) this.retryNow();
+    });
+    // A drag ends with its pointer wherever it is let go, also outside the control it began in.
+    for (const end of ["pointerup", "pointercancel", "keyup"]) window.addEventListener(end, () => window.setTimeout(() => this.endGesture()));
+    window.setInterval(() => this.publishReadings(), READINGS_MILLIS);
+    void this.refreshStatus();
+    void this.followAddress();
+  }
+
+  /** Where decoded pictures go; null while there is no canvas. */
+  present(presenter: Presenter | null): void {
+    this.presenter = presenter;
+  }
+
+  openDataset(id: string): Promise<void> {
+    return this.open({ dataset: id });
+  }
+
+  openScene(scene: SceneFile): Promise<void> {
+    return this.open({ scene });
+  }
+
+  /** Edits the scene. Edits of one `key` in quick succession are one undo step. */
+  edit(patch: Patch, key: string | null = null): void {
+    const { sync } = this;
+    if (!sync) return;
+    const before = sync.scene;
+    sync.edit(patch);
+    this.edits.edited(before, sync.scene, key, performance.now());
+    const { fieldError } = useSession.getState();
+    if (fieldError && rootOf(fieldError.field) in patch) set({ fieldError: null });
+    this.publishScene();
+    this.scheduleFlush();
+  }
+
+  beginGesture(): void {
+    if (this.sync) this.edits.beginGesture(this.sync.scene);
+  }
+
+  endGesture(): void {
+    if (this.sync && this.edits.endGesture(this.sync.scene)) this.publishScene();
+  }
+
+  undo(): void {
+    this.walk((edits) => edits.undo());
+  }
+
+  redo(): void {
+    this.walk((edits) => edits.redo());
+  }
+
+  moveCamera(camera: Camera): void {
+    if (!this.sync) return;
+    this.sync.moveCamera(camera);
+    this.cameraMoved = true;
+    this.publishScene();
+    this.scheduleFlush();
+  }
+
+  resize(viewport: ViewportSize): void {
+    const old = this.viewport;
+    if (old?.width === viewport.width && old.height === viewport.height && old.pixel_ratio === viewport.pixel_ratio) return;
+    this.viewport = viewport;
+    this.viewportChanged = true;
+    this.scheduleFlush();
+  }
+
+  /** A still of what this viewer sees, drawn by the server at the viewport's device pixels. */
+  async still(): Promise<Blob> {
+    const { sessionId, scene } = useSession.getState();
+    if (!sessionId || !scene?.camera || !this.viewport || !this.sync) throw new Error("There is no picture yet.");
+    // The server draws stills with the session's camera: make it this viewer's first.
+    const camera = { orthographic_height: null, fov_y_degrees: null, ...scene.camera };
+    this.sync.edit({ camera });
+    this.scheduleFlush();
+    await this.settled();
+    const { width, height, pixel_ratio } = this.viewport;
+    return rest.getSnapshot(sessionId, Math.round(width * pixel_ratio), Math.round(height * pixel_ratio));
+  }
+
+  /** Tries to connect at once instead of waiting for the next attempt. */
+  retryNow(): void {
+    if (useSession.getState().link === "lost" && this.retryTimer !== undefined) void this.reconnect();
+  }
+
+  private walk(step: (edits: EditLog) => Patch | null): void {
+    const { sync } = this;
+    if (!sync) return;
+    this.edits.endGesture(sync.scene);
+    const patch = step(this.edits);
+    if (!patch) return;
+    sync.edit(patch);
+    this.publishScene();
+    this.scheduleFlush();
+  }
+
+  private async refreshStatus(): Promise<void> {
+    try {
+      set({ status: await rest.getStatus() });
+    } catch {
+      // The connection's own attempts report that the service is away; asked again on welcome.
+    }
+  }
+
+  private async followAddress(): Promise<void> {
+    const address = parseAddress(window.location.hash);
+    if (address.kind === "session") {
+      if (address.id !== useSession.getState().sessionId) this.attach(address.id);
+      return;
+    }
+    if (address.kind === "scene") {
+      try {
+        await this.openScene(await decodeScene(address.code));
+        return;
+      } catch (error) {
+        set({ failure: wordsOf(error) });
+      }
+    }
+    if (!this.sync) await this.openFirstDataset();
+  }
+
+  private async openFirstDataset(): Promise<void> {
+    const wish = this.begin();
+    try {
+      const [first] = await rest.getDatasets();
+      if (wish !== this.wish) return;
+      if (first) await this.openDataset(first.id);
+      else set({ link: "idle", failure: "There is no dataset yet. Drop a volume file anywhere on the page." });
+    } catch (error) {
+      if (wish === this.wish) this.openLater(error, () => void this.openFirstDataset());
+    }
+  }
+
+  /** Opens a new session; the old one's picture stays until the new one's arrives. */
+  private async open(request: CreateSession): Promise<void> {
+    const { sessionId, link } = useSession.getState();
+    const wish = this.begin();
+    try {
+      const session = await rest.createSession(request);
+      if (wish !== this.wish) return;
+      this.adopt(session.id, session.scene);
+      window.history[sessionId ? "pushState" : "replaceState"](null, "", sessionAddress(session.id));
+      this.connect();
+    } catch (error) {
+      // A session on screen stays as it was: nothing has been closed yet.
+      if (wish === this.wish) set(sessionId ? { link } : { link: "failed", failure: wordsOf(error) });
+      throw error;
+    }
+  }
+
+  private attach(id: string): void {
+    this.begin();
+    this.adopt(id, null);
+    void this.reconnect();
+  }
+
+  private begin(): number {
+    this.wish += 1;
+    this.rememberView();
+    const link = useSession.getState().link;
+    set({ link: link === "open" ? "open" : "connecting", failure: null });
+    return this.wish;
+  }
+
+  private adopt(id: string, scene: SceneFile | null): void {
+    this.disconnect();
+    this.sync = scene ? new SceneSync(scene) : null;
+    this.edits = new EditLog();
+    this.attempt = 0;
+    set({
+      sessionId: id, link: "connecting", dataset: null, histogram: null, startCamera: null, report: null, awaitingPicture: true,
+      progress: null, failure: null, fieldError: null, canUndo: false, canRedo: false, scene: scene ?? useSession.getState().scene,
+    });
+  }
+
+  private disconnect(): void {
+    window.clearTimeout(this.retryTimer);
+    this.retryTimer = undefined;
+    this.receiver?.close();
+    this.receiver = null;
+    this.welcomed = false;
+    this.meters.disconnected();
+    const { socket } = this;
+    this.socket = null;
+    socket?.close();
+  }
+
+  private connect(): void {
+    const id = useSession.getState().sessionId;
+    if (!id) return;
+    this.disconnect();
+    const socket = new WebSocket(rest.viewUrl(id));
+    socket.binaryType = "arraybuffer";
+    this.socket = socket;
+    socket.onopen = () => this.send({ type: "hello", protocol: PROTOCOL_VERSION });
+    socket.onmessage = (event: MessageEvent<string | ArrayBuffer>) => {
+      if (socket !== this.socket) return;
+      if (typeof event.data === "string") this.takeMessage(JSON.parse(event.data) as ServerMessage);
+      else this.takeFrame(event.data);
+    };
+    socket.onclose = (event) => {
+      if (socket === this.socket) this.lost(event.code);
+    };
+  }
+
+  private lost(code: number): void {
+    this.disconnect();
+    set({ link: "lost", progress: null });
+    if (code === CLOSE_SESSION_GONE) void this.recreate();
+    else this.retryLater();
+  }
+
+  private retryLater(): void {
+    const pause = RETRY_MILLIS[Math.min(this.attempt, RETRY_MILLIS.length - 1)] ?? 0;
+    this.attempt += 1;
+    window.clearTimeout(this.retryTimer);
+    this.retryTimer = window.setTimeout(() => void this.reconnect(), pause);
+    set({ retryAt: Date.now() + pause });
+  }
+
+  /** Asks whether the session still exists, then connects; a socket alone cannot tell. */
+  private async reconnect(): Promise<void> {
+    const { sessionId } = useSession.getState();
+    const { wish } = this;
+    window.clearTimeout(this.retryTimer);
+    this.retryTimer = undefined;
+    set({ retryAt: null });
+    if (!sessionId) return;
+    try {
+      await rest.getSession(sessionId);
+      if (wish === this.wish) this.connect();
+    } catch (error) {
+      if (wish !== this.wish) return;
+      if (error instanceof rest.ProblemError && error.status === 404) await this.recreate();
+      else {
+        set({ link: "lost" });
+        this.retryLater();
+      }
+    }
+  }
+
+  /** The session is gone: opens one like it from the scene on screen. */
+  private async recreate(): Promise<void> {
+    const { wish } = this;
+    const scene = this.sync?.scene;
+    if (!scene) {
+      await this.openFirstDataset();
+      return;
+    }
+    try {
+      const session = await rest.createSession({ scene });
+      if (wish !== this.wish) return;
+      const { startCamera } = useSession.getState();
+      const { sync, edits } = this;
+      sync?.reattach(session.scene);
+      window.history.replaceState(null, "", sessionAddress(session.id));
+      set({ sessionId: session.id, startCamera });
+      this.edits = edits;
+      this.connect();
+    } catch (error) {
+      if (wish === this.wish) this.openLater(error, () => void this.recreate());
+    }
+  }
+
+  /** A first connection that did not work out: again later if the service is away, else say why. */
+  private openLater(error: unknown, again: () => void): void {
+    if (error instanceof rest.ProblemError && error.status !== rest.UNREACHABLE && error.status < 500) {
+      set({ link: "failed", failure: wordsOf(error) });
+      return;
+    }
+    const pause = RETRY_MILLIS[Math.min(this.attempt, RETRY_MILLIS.length - 1)] ?? 0;
+    this.attempt += 1;
+    set({ link: "lost", failure: wordsOf(error), retryAt: Date.now() + pause });
+    window.clearTimeout(this.retryTimer);
+    this.retryTimer = window.setTimeout(again, pause);
+  }
+
+  private takeMessage(message: ServerMessage): void {
+    switch (message.type) {
+      case "welcome":
+        this.welcome(message);
+        break;
+      case "scene":
+        this.sync?.receive(message.seq, message.scene);
+        this.publishScene();
+        break;
+      case "rejected":
+        this.rejected(message.seq, message.field, message.message);
+        break;
+      case "report":
+        set({ report: message.report });
+        break;
+      case "progress":
+        set({ progress: message.fraction >= 1 ? null : { activity: message.activity, fraction: message.fraction } });
+        break;
+      case "failed":
+        set({ failure: message.message, progress: null });
+        break;
+      case "closing":
+        set({ failure: message.reason });
+        break;
+    }
+    if (this.sync?.settled) this.settleWaiters.splice(0).forEach((done) => done());
+  }
+
+  private welcome(message: Extract<ServerMessage, { type: "welcome" }>): void {
+    if (message.protocol !== PROTOCOL_VERSION) {
+      this.disconnect();
+      set({ link: "failed", failure: "The service speaks another version of the protocol. Reload the page." });
+      return;
+    }
+    this.welcomed = true;
+    this.attempt = 0;
+    const remembered = loadView(message.session);
+    if (this.sync) this.sync.reattach(message.scene);
+    else this.sync = new SceneSync(remembered ? { ...message.scene, camera: remembered.camera } : message.scene);
+    const startCamera = useSession.getState().startCamera ?? remembered?.start ?? message.scene.camera ?? null;
+    const changed = message.dataset?.id !== useSession.getState().dataset?.id;
+    set({
+      link: "open", failure: null, retryAt: null, device: message.device, dataset: message.dataset, startCamera,
+      ...(changed ? { histogram: null } : {}),
+    });
+    if (changed && message.dataset) void this.loadHistogram(message.dataset.id);
+    if (!useSession.getState().status) void this.refreshStatus();
+    this.cameraMoved = this.sync.scene.camera !== undefined;
+    this.viewportChanged = this.viewport !== null;
+    if (document.hidden) this.send({ type: "visible", visible: false });
+    this.publishScene();
+    this.flush();
+  }
+
+  private async loadHistogram(id: string): Promise<void> {
+    try {
+      const histogram = await rest.getHistogram(id);
+      if (useSession.getState().dataset?.id === id) set({ histogram });
+    } catch (error) {
+      set({ fieldError: { field: "transfer_function", message: `The histogram did not arrive: ${wordsOf(error)}` } });
+    }
+  }
+
+  private rejected(seq: number, field: string, message: string): void {
+    if (this.sync?.reject(seq)) this.edits.refused(rootOf(field));
+    set({ fieldError: { field, message } });
+    this.publishScene();
+  }
+
+  private takeFrame(buffer: ArrayBuffer): void {
+    this.meters.frameArrived(buffer.byteLength, performance.now());
+    this.receiver ??= new FrameReceiver<ImageBitmap>({
+      decode: (payload) => createImageBitmap(payload, { colorSpaceConversion: "none" }),
+      show: (picture, header) => this.showFrame(picture, header),
+      acknowledge: (frame, decode_millis) => this.send({ type: "ack", frame, decode_millis }),
+      damaged: (failure) => set({ failure }),
+      now: () => performance.now(),
+    });
+    this.receiver.receive(buffer);
+  }
+
+  private showFrame(picture: ImageBitmap, header: FrameHeader): void {
+    this.presenter?.(picture, header);
+    this.meters.frameShown(header.seq, performance.now());
+    set({ frame: header, awaitingPicture: false, progress: null });
+  }
+
+  private scheduleFlush(): void {
+    if (this.flushPending) return;
+    this.flushPending = true;
+    const flush = () => {
+      this.flushPending = false;
+      this.flush();
+    };
+    if (document.hidden) window.setTimeout(flush, HIDDEN_FLUSH_MILLIS);
+    else window.requestAnimationFrame(flush);
+  }
+
+  /** Sends what changed since the last time, each thing at most once. */
+  private flush(): void {
+    if (!this.welcomed || !this.sync) return;
+    if (this.viewportChanged && this.viewport) {
+      this.viewportChanged = false;
+      this.send({ type: "viewport", seq: this.nextSeq(), ...this.viewport });
+    }
+    for (const { seq, patch } of this.sync.takeUnsent(() => this.nextSeq())) this.send({ type: "patch", seq, patch });
+    const { camera } = this.sync.scene;
+    if (this.cameraMoved && camera) {
+      this.cameraMoved = false;
+      this.send({ type: "camera", seq: this.nextSeq(), camera });
+    }
+  }
+
+  private nextSeq(): number {
+    this.seq += 1;
+    this.meters.inputSent(this.seq, performance.now());
+    return this.seq;
+  }
+
+  private send(message: ClientMessage): void {
+    if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(message));
+  }
+
+  private settled(): Promise<void> {
+    return new Promise((resolve) => {
+      this.settleWaiters.push(resolve);
+      window.setTimeout(resolve, SETTLE_MILLIS);
+    });
+  }
+
+  private publishScene(): void {
+    if (this.sync) set({ scene: this.sync.scene, canUndo: this.edits.canUndo, canRedo: this.edits.canRedo });
+  }
+
+  private publishReadings(): void {
+    const readings = this.meters.read(performance.now());
+    const shown = useSession.getState().readings;
+    const same = (Object.keys(readings) as (keyof typeof readings)[]).every((key) => readings[key] === shown[key]);
+    if (!same) set({ readings });
+  }
+
+  private rememberView(): void {
+    const { sessionId, scene, startCamera } = useSession.getState();
+    if (sessionId && this.sync && scene?.camera && startCamera) saveView(sessionId, { camera: scene.camera, start: startCamera });
+  }
+}
+
+/** The member of the scene that a field path lies in. */
+export const rootOf = (field: string): string => /^[a-z_]*/.exec(field)?.[0] ?? "";
+
+export const wordsOf = (error: unknown): string => (error instanceof Error ? error.message : String(error));
+
+/** The page's session. */
+export const session = new Engine();

@@ -1,0 +1,87 @@
+/** The page's one observable state. The scene in it is also what a share link carries. */
+
+import { create } from "zustand";
+import {
+  FLAG_FINAL, FLAG_MOVING, type Camera, type Dataset, type DeviceInfo, type FrameHeader, type FrameReport, type Histogram,
+  type SceneFile, type Status,
+} from "../generated/proto";
+import type { Readings } from "./meters";
+
+/** State of the connection to the session. */
+export type LinkState =
+  /** Nothing asked for yet. */
+  | "idle"
+  /** A session is being opened or attached to for the first time. */
+  | "connecting"
+  | "open"
+  /** Was open; comes back by itself. */
+  | "lost"
+  /** Cannot come back by itself; `failure` says why. */
+  | "failed";
+
+/** A refused edit, shown at the control concerned. */
+export interface FieldError {
+  /** Path of the field, for example `lights[1].position`. */
+  field: string;
+  message: string;
+}
+
+export interface SessionState {
+  status: Status | null;
+  sessionId: string | null;
+  device: DeviceInfo | null;
+  dataset: Dataset | null;
+  /** Of `dataset`; null until it has arrived. */
+  histogram: Histogram | null;
+  /** What is shown, edits on their way included; the camera is this viewer's. */
+  scene: SceneFile | null;
+  /** Where the R key goes back to. */
+  startCamera: Camera | null;
+  canUndo: boolean;
+  canRedo: boolean;
+  link: LinkState;
+  /** When the next attempt to connect starts, milliseconds since 1970; null while none waits. */
+  retryAt: number | null;
+  /** Header of the picture on screen; null before the first. */
+  frame: FrameHeader | null;
+  /** The picture on screen, if any, belongs to the session before. */
+  awaitingPicture: boolean;
+  report: FrameReport | null;
+  /** A long step under way on the server. */
+  progress: { activity: string; fraction: number } | null;
+  /** What failed, in words; null when all is well. */
+  failure: string | null;
+  fieldError: FieldError | null;
+  readings: Readings;
+}
+
+export const useSession = create<SessionState>(() => ({
+  status: null,
+  sessionId: null,
+  device: null,
+  dataset: null,
+  histogram: null,
+  scene: null,
+  startCamera: null,
+  canUndo: false,
+  canRedo: false,
+  link: "idle",
+  retryAt: null,
+  frame: null,
+  awaitingPicture: true,
+  report: null,
+  progress: null,
+  failure: null,
+  fieldError: null,
+  readings: { latencyMillis: null, framesPerSecond: 0, megabitsPerSecond: 0 },
+}));
+
+/** What the viewport shows, in one word; also its `data-state`. */
+export type PictureState = "loading" | "offline" | "moving" | "refining" | "final";
+
+export function pictureState({ link, frame, awaitingPicture, progress }: SessionState): PictureState {
+  if (link === "lost" || link === "failed") return "offline";
+  if (!frame || awaitingPicture || progress) return "loading";
+  if (frame.flags & FLAG_FINAL) return "final";
+  return frame.flags & FLAG_MOVING ? "moving" : "refining";
+}

@@ -1,0 +1,31 @@
+/** Figures of the status line and the statistics, from headers and reports. */
+
+import type { FrameHeader, FrameReport } from "../generated/proto";
+import type { PictureState } from "../session/store";
+
+/** The state of the picture in words. */
+export function stateInWords(state: PictureState, frame: FrameHeader | null, samplesPerPixel: number): string {
+  if (state !== "refining" || !frame) return { loading: "loading", offline: "offline", moving: "moving", refining: "refining", final: "final" }[state];
+  return `refining ${refinedPercent(frame, samplesPerPixel)} %`;
+}
+
+/** Share of the samples a final picture has, whole percent; 100 only when it is final. */
+export const refinedPercent = (frame: FrameHeader, samplesPerPixel: number): number =>
+  Math.min(99, Math.floor((frame.samples_per_pixel / Math.max(1, samplesPerPixel)) * 100));
+
+/** Share of the samples that empty space saved, 0..1; null where the report does not count them. */
+export function skippedShare(report: FrameReport | null): number | null {
+  const { samples_skipped: skipped, samples_taken: taken } = report?.counters ?? {};
+  if (skipped === undefined || taken === undefined || skipped + taken === 0) return null;
+  return skipped / (skipped + taken);
+}
+
+/** A count in few characters: 1234567 gives 1.23 M. */
+export function formatCount(count: number): string {
+  const units = ["", " k", " M", " G", " T"];
+  const power = Math.min(units.length - 1, Math.max(0, Math.floor(Math.log10(Math.max(1, count)) / 3)));
+  return power === 0 ? String(count) : `${(count / 1000 ** power).toPrecision(3)}${units[power] ?? ""}`;
+}
+
+/** `samples_taken` as people write it. */
+export const words = (name: string): string => name.replaceAll("_", " ");

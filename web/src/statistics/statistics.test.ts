@@ -1,0 +1,38 @@
+import { describe, expect, it } from "vitest";
+import type { FrameHeader, FrameReport, Light } from "../generated/proto";
+import { shortcoming } from "../quality/methods";
+import { formatCount, skippedShare, stateInWords } from "./figures";
+
+const frame = { samples_per_pixel: 3 } as FrameHeader;
+const report = (counters: Record<string, number>): FrameReport => ({ changes: [], plan: [], stages: [], counters, gpu_bytes: {} });
+
+describe("the status line", () => {
+  it("says how far the picture is", () => {
+    expect(stateInWords("refining", frame, 8)).toBe("refining 37 %");
+    expect(stateInWords("refining", { ...frame, samples_per_pixel: 8 }, 8)).toBe("refining 99 %");
+    expect(stateInWords("final", frame, 8)).toBe("final");
+    expect(stateInWords("loading", null, 8)).toBe("loading");
+  });
+
+  it("gives the share of skipped samples only where it is known", () => {
+    expect(skippedShare(report({ samples_taken: 25, samples_skipped: 75 }))).toBe(0.75);
+    expect(skippedShare(report({ samples_taken: 25 }))).toBeNull();
+    expect(skippedShare(report({ samples_taken: 0, samples_skipped: 0 }))).toBeNull();
+    expect(skippedShare(null)).toBeNull();
+  });
+
+  it("writes counts short", () => {
+    expect([7, 999, 1234, 1_234_567].map(formatCount)).toEqual(["7", "999", "1.23 k", "1.23 M"]);
+  });
+});
+
+describe("a method", () => {
+  const lamp: Light = { type: "point", enabled: true, position: [0, 0, 0], intensity: [1, 1, 1] };
+  const sky: Light = { type: "environment", enabled: true, radiance: [1, 1, 1] };
+
+  it("says which lights it leaves out", () => {
+    expect(shortcoming({ illumination: { method: "image_based" }, lights: [lamp, sky] })).toContain("left out");
+    expect(shortcoming({ illumination: { method: "image_based" }, lights: [{ ...lamp, enabled: false }, sky] })).toBeNull();
+    expect(shortcoming({ illumination: { method: "photon_map" }, lights: [lamp] })).toBeNull();
+  });
+});

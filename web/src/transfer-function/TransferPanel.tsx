@@ -1,0 +1,61 @@
+/** The transfer function: editor, presets, the selected point, window and density. */
+
+import { SegmentedControl, Tooltip } from "@mantine/core";
+import { useMemo, useState, type ReactNode } from "react";
+import { NumberField, Row, Section, SliderField } from "../app/controls";
+import { useUi } from "../app/uiStore";
+import { session } from "../session/engine";
+import { useSession } from "../session/store";
+import { Editor } from "./Editor";
+import { PointFields } from "./PointFields";
+import { Presets } from "./Presets";
+import { valueOf, valueRange } from "./valueAxis";
+
+/** Largest density of the slider and of the number. */
+const SLIDER_DENSITY = 10;
+const MAX_DENSITY = 1e6;
+
+export function TransferPanel({ editCost }: {
+  /** What an edit would cost, drawn under the editor on the same value axis. */
+  editCost?: ReactNode;
+}) {
+  const points = useSession((state) => state.scene?.transfer_function.points);
+  const dataset = useSession((state) => state.dataset);
+  const histogram = useSession((state) => state.histogram);
+  const window = useSession((state) => state.scene?.value_range);
+  const density = useSession((state) => state.scene?.density ?? 1);
+  const selected = useUi((ui) => ui.selectedPoint);
+  const log = useUi((ui) => ui.logHistogram);
+  const axis = useUi((ui) => ui.opacityAxis);
+  const [focusRequest, setFocusRequest] = useState(0);
+  const range = useMemo(() => valueRange(window ? { value_range: window } : null, dataset), [window, dataset]);
+
+  if (!points) return null;
+  const selectedPoint = selected === null ? undefined : points[selected];
+  return (
+    <Section
+      id="transfer"
+      title="Transfer function"
+      fields={["transfer_function", "value_range", "density"]}
+      actions={<Presets histogram={histogram} range={range} surfaceValue={selectedPoint && valueOf(selectedPoint.s, range)} />}
+    >
+      <Editor key={dataset?.id} points={points} histogram={histogram} range={range} onNumbers={() => setFocusRequest((n) => n + 1)} />
+      <div className="tf-cost-slot" data-testid="tf-edit-cost">{editCost}</div>
+      <div className="tf-scales">
+        <Tooltip label="Height of the histogram">
+          <SegmentedControl fullWidth value={log ? "log" : "linear"} data={[{ value: "log", label: "Log counts" }, { value: "linear", label: "Linear" }]} onChange={(value) => useUi.setState({ logHistogram: value === "log" })} data-testid="tf-histogram-scale" />
+        </Tooltip>
+        <Tooltip label="Opacity axis: linear, or spread near zero">
+          <SegmentedControl fullWidth value={axis} data={[{ value: "linear", label: "Opacity" }, { value: "power", label: "Near zero" }]} onChange={(value) => useUi.setState({ opacityAxis: value === "power" ? "power" : "linear" })} data-testid="tf-opacity-axis" />
+        </Tooltip>
+      </div>
+      <PointFields points={points} range={range} focusRequest={focusRequest} />
+      <SliderField label="Density" hint="Multiplies the extinction of every point" value={density} min={0} max={MAX_DENSITY} sliderMax={SLIDER_DENSITY} step={0.05} toSlider={Math.sqrt} fromSlider={(x) => x * x} testId="density" onChange={(value) => session.edit({ density: value }, "density")} />
+      <Row label="Window" hint="Data values at the ends of the transfer function">
+        <NumberField label="Window from" value={range[0]} max={range[1]} digits={6} width={78} step={(range[1] - range[0]) / 100} testId="window-low" onChange={(low) => session.edit({ value_range: [low, range[1]] }, "window")} />
+        <NumberField label="Window to" value={range[1]} min={range[0]} digits={6} width={78} step={(range[1] - range[0]) / 100} testId="window-high" onChange={(high) => session.edit({ value_range: [range[0], high] }, "window")} />
+        {window && <button type="button" className="text-button" onClick={() => session.edit({ value_range: null })} data-testid="window-reset">All</button>}
+      </Row>
+    </Section>
+  );
+}

@@ -1,0 +1,134 @@
+import { describe, expect, it } from "vitest";
+import { MAX_OPACITY, type Histogram, type TransferFunctionPoint } from "../generated/proto";
+import { extinctionFromOpacity, heightOf, inUnit, opacityAt, opacityFromExtinction, withOpacity } from "./opacity";
+import { addPoint, changePoint, matterAt, moveBand, movePoint, opacityAtValue, removePoint } from "./points";
+import { looksLikeCt, otsuThreshold, presetsFor, quantile } from "./presets";
+import { formatValue, histogramColumns, panWindow, ticks, zoomWindow } from "./valueAxis";
+
+const point = (s: number, opacity: number, extra: Partial<TransferFunctionPoint> = {}): TransferFunctionPoint => ({
+  s, opacity, albedo: [1, 1, 1], emission: [0, 0, 0], ...extra,
+});
+const points = [point(0, 0), point(0.4, 0.2, { material: "bone" }), point(0.6, 0.8), point(1, 1)];
+
+describe("opacity and extinction", () => {
+  it("follow the contract: 0.5 over 0.01 world units", () => {
+    expect(extinctionFromOpacity(0.5)).toBeCloseTo(69.3147, 4);
+    expect(opacityFromExtinction(69.3147)).toBeCloseTo(0.5, 5);
+  });
+
+  it("clamp at the largest opacity", () => {
+    expect(extinctionFromOpacity(1)).toBeCloseTo(extinctionFromOpacity(MAX_OPACITY), 9);
+    expect(opacityFromExtinction(1e9)).toBe(MAX_OPACITY);
+  });
+
+  it("keep the unit a point was given in", () => {
+    const dense = { s: 0, extinction: 5000, albedo: [1, 1, 1], emission: [0, 0, 0] } satisfies TransferFunctionPoint;
+    expect(withOpacity(dense, 0.5)).toMatchObject({ extinction: 69.3147 });
+    expect(withOpacity(dense, 0.5)).not.toHaveProperty("opacity");
+    expect(movePoint([dense], 0, 0.3, null)[0]).toMatchObject({ s: 0.3, extinction: 5000 });
+    expect(inUnit(dense, "opacity")).not.toHaveProperty("extinction");
+  });
+
+  it.each(["linear", "power"] as const)("invert on the %s axis", (axis) => {
+    for (const opacity of [0, 0.001, 0.3, 1]) expect(opacityAt(heightOf(opacity, axis), axis)).toBeCloseTo(opacity, 12);
+  });
+});
+
+describe("points", () => {
+  it("interpolate extinction, not opacity", () => {
+    const middle = matterAt([point(0, 0), point(1, 0.5)], 0.5);
+    expect(middle.extinction).toBeCloseTo(extinctionFromOpacity(0.5) / 2, 9);
+    expect(opacityAtValue([point(0, 0), point(1, 0.5)], 0.5)).toBeGreaterThan(0.25);
+  });
+
+  it("take a step's later point at the step and the last beyond the end", () => {
+    const step = [point(0, 0), point(0.5, 0), point(0.5, 0.6)];
+    expect(opacityAtValue(step, 0.4999)).toBeCloseTo(0, 9);
+    expect(opacityAtValue(step, 0.5)).toBeCloseTo(0.6, 9);
+    expect(opacityAtValue(step, 1)).toBeCloseTo(0.6, 9);
+  });
+
+  it("stay between their neighbours and keep their material", () => {
+    const moved = movePoint(points, 1, 0.9, 0.5);
+    expect(moved[1]).toMatchObject({ s: 0.6, opacity: 0.5, material: "bone" });
+    expect(moved[0]).toBe(points[0]);
+  });
+
+  it("move as a band until a neighbour is met", () => {
+    const moved = moveBand(points, 1, 0.9, 0.1, "linear");
+    expect(moved.map((p) => p.s)).toEqual([0, 0.8, 1, 1]);
+    expect(moved[1]?.opacity).toBeCloseTo(0.3, 9);
+    expect(moved[2]?.opacity).toBeCloseTo(0.9, 9);
+    expect(moveBand(points, 0, -0.5, 0, "linear")[0]).toMatchObject({ s: 0, opacity: 0 });
+  });
+
+  it("are added with the matter found there", () => {
+    const added = addPoint(points, 0.5, 0.33);
+    expect(added.index).toBe(2);
+    expect(added.points[2]).toMatchObject({ s: 0.5, opacity: 0.33, material: "bone" });
+    expect(added.points).toHaveLength(5);
+  });
+
+  it("never all go", () => {
+    expect(removePoint(points, 0)).toHaveLength(3);
+    expect(removePoint([point(0, 1)], 0)).toHaveLength(1);
+  });
+
+  it("change alone", () => {
+    const changed = changePoint(points, 2, (p) => ({ ...p, albedo: [1, 0, 0] }));
+    expect(changed[2]?.albedo).toEqual([1, 0, 0]);
+    expect(changed[1]).toBe(points[1]);
+  });
+});
+
+describe("the value axis", () => {
+  it("zooms about the pointer and stays inside", () => {
+    const [low, high] = zoomWindow([0, 1], 0.25, 0.5);
+    expect((0.25 - low) / (high - low)).toBeCloseTo(0.25, 12);
+    expect(zoomWindow([0.4, 0.6], 0.5, 100)).toEqual([0, 1]);
+    expect(panWindow([0.2, 0.4], -1)).toEqual([0, 0.2]);
+  });
+
+  it("has round ticks", () => {
+    expect(ticks([-1000, 3000], 4)).toEqual([-1000, 0, 1000, 2000, 3000]);
+    expect(ticks([0, 0.35], 4)).toEqual([0, 0.1, 0.2, 0.3]);
+    expect(formatValue(1234567)).toBe("1.2e+6");
+    expect(formatValue(0.25)).toBe("0.25");
+  });
+
+  it("keeps the fullest bucket of each column", () => {
+    const histogram: Histogram = { value_range: [0, 4], counts: [10, 0, 5, 1], bin_edges: [] };
+    expect(histogramColumns(histogram, [0, 4], 2, false)).toEqual([1, 0.5]);
+    expect(histogramColumns(histogram, [0, 8], 2, false)).toEqual([1, 0]);
+    expect(histogramColumns(histogram, [2, 3], 1, true)[0]).toBeCloseTo(Math.log(6) / Math.log(11), 12);
+  });
+});
+
+describe("presets", () => {
+  const counts = Array.from({ length: 100 }, (_, i) => (i < 20 ? 1000 : i > 70 && i < 90 ? 200 : 0));
+  const ct: Histogram = { value_range: [-1000, 3000], counts, bin_edges: [] };
+
+  it("find the value between two groups", () => {
+    const threshold = otsuThreshold(ct);
+    expect(threshold).toBeGreaterThan(-200);
+    expect(threshold).toBeLessThan(1840);
+    expect(quantile(ct, 0.5)).toBeLessThan(-200);
+  });
+
+  it("are valid transfer functions", () => {
+    expect(looksLikeCt(ct)).toBe(true);
+    const presets = presetsFor(ct, [-1000, 3000]);
+    expect(presets.map((preset) => preset.id)).toContain("ct");
+    for (const preset of presets) {
+      for (const [index, p] of preset.points.entries()) {
+        expect(p.s).toBeGreaterThanOrEqual(preset.points[index - 1]?.s ?? 0);
+        expect(p.s).toBeLessThanOrEqual(1);
+        if (p.material !== undefined) expect(preset.materials).toHaveProperty(p.material);
+      }
+    }
+  });
+
+  it("offer Hounsfield units only where they are", () => {
+    expect(presetsFor({ ...ct, value_range: [0, 255] }, [0, 255]).map((p) => p.id)).not.toContain("ct");
+  });
+});

@@ -1,0 +1,15 @@
+import react from "@vitejs/plugin-react";
+import { defineConfig } from "vite";
+
+// `npm run dev` serves the page and hands everything under /api to a running service.
+const service = "127.0.0.1:8080";
+
+export default defineConfig({
+  plugins: [react()],
+  build: { target: "es2022", sourcemap: false, chunkSizeWarningLimit: 900 },
+  server: {
+    proxy: {
+      "/api": { target: `http://${service}`, ws: true },
+    },
+  },
+});
