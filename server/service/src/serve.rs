@@ -79,7 +79,9 @@ pub async fn serve_on(
     }
     let samples = state.samples().clone();
     // Described ahead of the first visitor.
-    let describing = tokio::task::spawn_blocking(move || drop(samples.all().len()));
+    let describing = tokio::task::spawn_blocking(move || {
+        samples.all();
+    });
     let expiring = tokio::spawn(expire_sessions(state.clone()));
     let closing = state.closing().clone();
     let stopping = {

@@ -19,8 +19,8 @@ use crate::config::Limits;
 /// Edge of the small volume a built-in's properties are read off, voxels.
 const PROBE_EDGE: usize = 2;
 
-/// The scans in `samples/`: for each, `NAME.json` is the scene and `NAME.*` the volume file it
-/// names.
+/// The scans in `samples/`: for each, `NAME.json` is the scene, `NAME.*` the volume file, and the
+/// section `## NAME` of `README.md` says where it comes from and under which licence.
 #[derive(rust_embed::Embed)]
 #[folder = "samples/"]
 #[allow_missing = true]
@@ -86,14 +86,19 @@ impl Samples {
     fn scan(&self, name: &str) -> Result<Sample, String> {
         let embedded = Scans::get(&format!("{name}.json")).ok_or("its scene is missing")?;
         let text = std::str::from_utf8(&embedded.data).map_err(|error| error.to_string())?;
-        let mut scene = SceneFile::from_json(text).map_err(|error| error.to_string())?;
-        let file = scene.volume.file.take().ok_or("its scene names no file")?;
+        let scene = SceneFile::from_json(text).map_err(|error| error.to_string())?;
+        if scene.volume.dataset.as_deref() != Some(name) {
+            return Err("its scene shows another dataset".into());
+        }
+        let is_data = |file: &std::borrow::Cow<'static, str>| {
+            file.strip_prefix(name).is_some_and(|end| end.starts_with('.') && end != ".json")
+        };
+        let file = Scans::iter().find(is_data).ok_or("its volume file is missing")?;
         let data = Scans::get(&file).ok_or("its volume file is missing")?;
-        let path = self.storage.samples().join(&file);
-        if std::fs::read(&path).ok().as_deref() != Some(&data.data) {
+        let path = self.storage.samples().join(file.as_ref());
+        if std::fs::read(&path).ok().as_deref() != Some(data.data.as_ref()) {
             write_atomically(&path, &data.data).map_err(|error| error.to_string())?;
         }
-        scene.volume.dataset = Some(name.to_owned());
         let read = volumes::read(&path, None, &self.limits, &|_| {}).map_err(|e| e.to_string())?;
         let prepared = PreparedVolume::new(read.volume, &|_| {});
         let mut dataset = super::describe(&prepared, name, &readable(name), read.format.name());
@@ -101,10 +106,18 @@ impl Samples {
         dataset.voxel_type = read.file_type;
         dataset.bytes = data.data.len() as u64;
         dataset.notices = read.notices;
-        dataset.attribution = Scans::get(&format!("{name}.txt"))
-            .map(|text| String::from_utf8_lossy(&text.data).trim().to_owned());
+        dataset.attribution = Scans::get("README.md")
+            .and_then(|readme| section(&String::from_utf8_lossy(&readme.data), name));
         Ok(Sample { dataset, scene, origin: Origin::File(path) })
     }
+}
+
+/// The section of a Markdown text under the heading `## name`.
+fn section(text: &str, name: &str) -> Option<String> {
+    let heading = format!("## {name}");
+    let lines = text.lines().skip_while(|line| line.trim() != heading).skip(1);
+    let section: Vec<&str> = lines.take_while(|line| !line.starts_with("## ")).collect();
+    Some(section.join("\n").trim().to_owned()).filter(|section| !section.is_empty())
 }
 
 /// A computed sample, described without computing it: a small probe tells the type and scale of
@@ -173,6 +186,8 @@ mod tests {
             assert!(dims.iter().all(|&edge| edge > 1), "{id}");
             assert!(sample.dataset.sample && !sample.dataset.name.is_empty(), "{id}");
             assert!(sample.scene.volume.file.is_none(), "{id}: a client could not name a file");
+            let computed = matches!(sample.origin, Origin::Builtin(..));
+            assert!(computed || sample.dataset.attribution.as_ref().is_some_and(|a| a.contains("Licence")), "{id}");
         }
     }
 

@@ -52,7 +52,8 @@ impl LinkMeter {
     /// frame; frames that were never sent cannot be acknowledged.
     pub fn acknowledged(&mut self, frame: u32, decode_millis: f64, now: Instant) -> u32 {
         if let Some(position) = self.sent.iter().position(|sent| sent.frame == frame) {
-            if let Some(sent) = self.sent.drain(..=position).next_back() {
+            let newest = self.sent.drain(..=position).next_back();
+            if let Some(sent) = newest {
                 self.acknowledged = self.acknowledged.max(frame);
                 self.measure(&sent, decode_millis, now);
             }
