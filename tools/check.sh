@@ -34,7 +34,7 @@ step "web client: types and lint" web_client
 # Before clippy: the server's crate takes the built client in.
 step "web client: build" tools/node.sh build
 step "browser tests: types and lint" browser_tests
-step "clippy" cargo clippy --release --workspace --all-targets -- -D warnings
+step "clippy" cargo clippy --release --workspace --all-targets --keep-going -- -D warnings
 # Chosen by target within the whole workspace, to share what `make test` compiles.
 step "shaders are valid, web types are current" \
   cargo test --release --workspace --test shaders --test web_types

@@ -82,7 +82,7 @@ pub enum ServerMessage {
         /// The session's scene, camera filled in.
         scene: Box<SceneFile>,
         /// What the scene's volume is.
-        dataset: Option<crate::rest::Dataset>,
+        dataset: Option<Box<crate::rest::Dataset>>,
         /// What renders.
         device: DeviceInfo,
     },

@@ -1,5 +1,7 @@
 //! Scene files: examples of the contract, errors that name the field, round trips.
 
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
 use proptest::prelude::*;
 use proto::scene_file::*;
 use serde_json::json;

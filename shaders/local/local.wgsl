@@ -3,8 +3,7 @@
 
 // Scattered radiance towards w_o per unit of extinction: sigma_s * L_i / sigma_t. `gradient` is
 // that of s, world; where it vanishes the surface weight is 0.
-fn scattered_radiance(x: vec3f, w_o: vec3f, matter: Matter, gradient: vec3f) -> vec3f {
-    let material = materials[matter.material];
+fn scattered_radiance(x: vec3f, w_o: vec3f, albedo: vec3f, material: Material, gradient: vec3f) -> vec3f {
     // A change of s by a millionth per voxel is rounding noise.
     let steepness = length(gradient);
     let flat_field = steepness * frame.step_world < 1e-6;
@@ -13,14 +12,14 @@ fn scattered_radiance(x: vec3f, w_o: vec3f, matter: Matter, gradient: vec3f) -> 
     n = select(n, -n, dot(n, w_o) < 0.0);
 
     // Uniform ambient: the phase function integrates to 1, the BRDF to its reflectance.
-    let reflected = matter.albedo * material.ambient_diffuse + material.ambient_specular;
-    var sum = frame.ambient * mix(matter.albedo, reflected, surface);
+    let reflected = albedo * material.ambient_diffuse + material.ambient_specular;
+    var sum = frame.ambient * mix(albedo, reflected, surface);
     for (var i = 0u; i < frame.light_count; i++) {
         let light = incident_light(i, x);
-        var scattered = (1.0 - surface) * phase_function(material, dot(-light.w_i, w_o)) * matter.albedo;
+        var scattered = (1.0 - surface) * phase_function(material, dot(-light.w_i, w_o)) * albedo;
         if surface > 0.0 {
             let f_r = brdf(material, n, light.w_i, w_o);
-            scattered += surface * (f_r.x * matter.albedo + f_r.y) * max(dot(n, light.w_i), 0.0);
+            scattered += surface * (f_r.x * albedo + f_r.y) * max(dot(n, light.w_i), 0.0);
         }
         sum += scattered * light.irradiance;
     }

@@ -72,6 +72,8 @@ fn integrate(ray: Ray, counts: ptr<function, vec4u>) -> vec3f {
     (*counts).z += u32(max(last - k + 1.0, 0.0));
 
     let w_o = -ray.direction;
+    // The first step whose macrocell has not been looked up yet.
+    var unknown = k;
     var transmittance = 1.0;
     var radiance = vec3f(0.0);
     while k <= last {
@@ -80,28 +82,34 @@ fn integrate(ray: Ray, counts: ptr<function, vec4u>) -> vec3f {
         let x = ray.origin + 0.5 * (start + end) * ray.direction;
         let uvw = x / frame.size_world + 0.5;
 
-        if frame.skip_empty == 1u {
+        if frame.skip_empty == 1u && k >= unknown {
             let distance = cell_distance(uvw);
             if distance > 0.0 {
                 let next = max(leap(ray, uvw, distance, enter, step, shift), k + 1.0);
                 (*counts).y += u32(min(next, last + 1.0) - k);
                 k = next;
+                unknown = k;
                 continue;
             }
+            // This cell holds matter: no look-up until the ray has left it.
+            unknown = leap(ray, uvw, 1.0, enter, step, shift);
         }
 
         (*counts).x += 1u;
         k += 1.0;
-        let matter = matter_at(s_of_texel(texel_value(uvw)));
-        if matter.sigma_t <= 0.0 || end <= start { continue; }
+        let place = place_of(s_of_texel(texel_value(uvw)));
+        let sigma_t = sigma_t_at(place);
+        if sigma_t <= 0.0 || end <= start { continue; }
         (*counts).w += 1u;
-        let through = exp(-matter.sigma_t * (end - start));
+        let through = exp(-sigma_t * (end - start));
+        let albedo = albedo_at(place);
+        let material = materials[tf_points[place.lower].material];
         var gradient = vec3f(0.0);
         if SHADED {
-            if materials[matter.material].surface > 0.0 { gradient = gradient_at(uvw); }
+            if material.surface > 0.0 { gradient = gradient_at(uvw); }
         }
-        var source = scattered_radiance(x, w_o, matter, gradient);
-        if EMISSIVE { source += (1.0 - matter.albedo) * matter.emission; }
+        var source = scattered_radiance(x, w_o, albedo, material, gradient);
+        if EMISSIVE { source += (1.0 - albedo) * emission_at(place); }
         radiance += transmittance * (1.0 - through) * source;
         transmittance *= through;
         if transmittance < frame.termination { return radiance; }

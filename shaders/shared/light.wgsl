@@ -1,7 +1,9 @@
 // Analytic lights as seen from a point. The uniform environment is not in the table: see
 // `frame.ambient`.
 
-@group(0) @binding(4) var<storage, read> lights: array<Light>;
+@group(0) @binding(4) var<uniform> lights: array<Light, MAX_LIGHTS>;
+
+const MAX_LIGHTS = 64;
 
 struct Light {
     // Position of point, spot, rectangle, disk and sphere lights.

@@ -4,11 +4,13 @@
 @group(0) @binding(1) var<storage, read> tf_points: array<TransferFunctionPoint>;
 // Entry c: the last point at or below s = c / TF_CELLS.
 @group(0) @binding(2) var<storage, read> tf_cells: array<u32>;
-@group(0) @binding(3) var<storage, read> materials: array<Material>;
+@group(0) @binding(3) var<uniform> materials: array<Material, MAX_MATERIALS>;
 @group(0) @binding(7) var volume: texture_3d<f32>;
 @group(0) @binding(8) var volume_sampler: sampler;
 
 const TF_CELLS = 256u;
+// The scene's materials and the isotropic one before them.
+const MAX_MATERIALS = 65;
 
 // 0: hardware trilinear filter. 1: f32 interpolation of eight texels. 2: nearest voxel.
 override FILTER: u32 = 0u;
@@ -47,11 +49,11 @@ struct Material {
     pad1: u32,
 }
 
-struct Matter {
-    sigma_t: f32,
-    albedo: vec3f,
-    emission: vec3f,
-    material: u32,
+// A place on the transfer function: between point `lower` and the next, at share t.
+struct Place {
+    lower: u32,
+    upper: u32,
+    t: f32,
 }
 
 // Texel value at volume coordinates 0..1; edge values extend to the faces.
@@ -79,21 +81,27 @@ fn s_of_texel(texel: f32) -> f32 {
     return clamp(frame.s_scale * texel + frame.s_offset, 0.0, 1.0);
 }
 
-// Matter at s: linear between points, constant beyond the ends, the later of two points at one s.
-fn matter_at(s: f32) -> Matter {
+// Where s lies: linear between points, constant beyond the ends, the later of two points at one s.
+fn place_of(s: f32) -> Place {
+    let last = frame.point_count - 1u;
     var i = tf_cells[min(u32(s * f32(TF_CELLS)), TF_CELLS - 1u)];
-    while i + 1u < frame.point_count && tf_points[i + 1u].s <= s {
+    while i < last && tf_points[i + 1u].s <= s {
         i++;
     }
-    let p = tf_points[i];
-    let q = tf_points[min(i + 1u, frame.point_count - 1u)];
-    let t = clamp((s - p.s) * p.inverse_width, 0.0, 1.0);
-    return Matter(
-        mix(p.sigma_t, q.sigma_t, t),
-        mix(p.albedo, q.albedo, t),
-        mix(p.emission, q.emission, t),
-        p.material,
-    );
+    return Place(i, min(i + 1u, last), clamp((s - tf_points[i].s) * tf_points[i].inverse_width, 0.0, 1.0));
+}
+
+// One property at a time: most samples need the extinction alone.
+fn sigma_t_at(place: Place) -> f32 {
+    return mix(tf_points[place.lower].sigma_t, tf_points[place.upper].sigma_t, place.t);
+}
+
+fn albedo_at(place: Place) -> vec3f {
+    return mix(tf_points[place.lower].albedo, tf_points[place.upper].albedo, place.t);
+}
+
+fn emission_at(place: Place) -> vec3f {
+    return mix(tf_points[place.lower].emission, tf_points[place.upper].emission, place.t);
 }
 
 // Gradient of s in the world by central differences one voxel apart; before clamping to 0..1.

@@ -246,7 +246,9 @@ impl Renderer {
             view.distance_map = Some((snapshot.clone(), map));
         }
         if plan.runs(Pass::UploadLights) {
-            let lights = stages.time("upload_lights", || self.storage("lights", &tables::lights(scene)))?;
+            let lights = stages.time("upload_lights", || {
+                self.uniform("lights", &tables::lights(scene), tables::MAX_LIGHTS)
+            })?;
             view.lights = Some((snapshot.clone(), lights));
         }
         Ok(())
@@ -256,7 +258,7 @@ impl Renderer {
         Ok(TransferFunctionTables {
             points: self.storage("transfer function points", &tables::transfer_function_points(scene))?,
             cells: self.storage("transfer function cells", &tables::transfer_function_cells(scene))?,
-            materials: self.storage("materials", &tables::materials(scene))?,
+            materials: self.uniform("materials", &tables::materials(scene), tables::MAX_MATERIALS)?,
         })
     }
 
@@ -265,6 +267,19 @@ impl Renderer {
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
         let bytes = std::mem::size_of_val(values).max(std::mem::size_of::<T>()) as u64;
         let buffer = self.gpu.buffer(label, bytes, usage)?;
+        self.gpu.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(values));
+        Ok(buffer)
+    }
+
+    /// A uniform array with room for `capacity` values, as the shader declares it.
+    fn uniform<T: bytemuck::Pod>(
+        &self,
+        label: &str,
+        values: &[T],
+        capacity: usize,
+    ) -> Result<wgpu::Buffer, RenderError> {
+        let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+        let buffer = self.gpu.buffer(label, (capacity * std::mem::size_of::<T>()) as u64, usage)?;
         self.gpu.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(values));
         Ok(buffer)
     }

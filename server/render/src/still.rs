@@ -41,7 +41,7 @@ pub fn npy(radiance: &Radiance) -> Vec<u8> {
     const PREFIX_BYTES: usize = 10;
     let shape = format!("({}, {}, 3)", radiance.height, radiance.width);
     let mut header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}, }}");
-    while (PREFIX_BYTES + header.len() + 1) % 64 != 0 {
+    while !(PREFIX_BYTES + header.len() + 1).is_multiple_of(64) {
         header.push(' ');
     }
     header.push('\n');

@@ -11,6 +11,12 @@ use crate::uniforms;
 /// Entries of the table that finds the transfer-function point below an `s`; equals `TF_CELLS`.
 pub const TRANSFER_FUNCTION_CELLS: usize = 256;
 
+/// Materials a scene may have and the isotropic one before them; as in shaders/shared/medium.wgsl.
+pub const MAX_MATERIALS: usize = proto::scene_file::limits::MAX_MATERIALS + 1;
+
+/// Lights a scene may have; as in shaders/shared/light.wgsl.
+pub const MAX_LIGHTS: usize = proto::scene_file::limits::MAX_LIGHTS;
+
 pub fn vector(v: DVec3) -> [f32; 3] {
     v.as_vec3().to_array()
 }

@@ -1,5 +1,7 @@
 //! The ray caster against closed forms.
 
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
 mod common;
 
 use common::{homogeneous, prepared, radiance, snapshot, target};

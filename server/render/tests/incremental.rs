@@ -1,5 +1,7 @@
 //! Skipping and reuse never change a bit of the picture, and nothing changed costs nothing.
 
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
 mod common;
 
 use common::{draw, prepared, renderer, snapshot, target};

@@ -58,3 +58,16 @@ fn struct_layouts_agree_with_the_host() {
         assert!(found, "{name} is in no shader");
     }
 }
+
+/// Array sizes are stated on both sides; this proves them equal.
+#[test]
+fn array_capacities_agree_with_the_host() {
+    use proto::scene_file::limits;
+    for (text, capacity) in [
+        (format!("const MAX_MATERIALS = {};", limits::MAX_MATERIALS + 1), "materials"),
+        (format!("const MAX_LIGHTS = {};", limits::MAX_LIGHTS), "lights"),
+        (format!("planes: array<vec4f, {}>", limits::MAX_CLIP_PLANES), "clip planes"),
+    ] {
+        assert!(shaders::RAY_CAST.contains(&text), "{capacity}: the shader does not say `{text}`");
+    }
+}

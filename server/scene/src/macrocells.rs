@@ -60,10 +60,10 @@ impl Macrocells {
 
 fn layer_masks(volume: &Volume, bins: &Bins, cells: [usize; 3], cell_z: usize) -> Vec<(u64, u64)> {
     match &volume.voxels {
-        Voxels::U8(v) => layer_masks_of(volume, v, |x| f64::from(x), bins, cells, cell_z),
-        Voxels::U16(v) => layer_masks_of(volume, v, |x| f64::from(x), bins, cells, cell_z),
-        Voxels::I16(v) => layer_masks_of(volume, v, |x| f64::from(x), bins, cells, cell_z),
-        Voxels::F32(v) => layer_masks_of(volume, v, |x| f64::from(x), bins, cells, cell_z),
+        Voxels::U8(v) => layer_masks_of(volume, v, f64::from, bins, cells, cell_z),
+        Voxels::U16(v) => layer_masks_of(volume, v, f64::from, bins, cells, cell_z),
+        Voxels::I16(v) => layer_masks_of(volume, v, f64::from, bins, cells, cell_z),
+        Voxels::F32(v) => layer_masks_of(volume, v, f64::from, bins, cells, cell_z),
     }
 }
 

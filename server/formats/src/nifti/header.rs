@@ -181,6 +181,11 @@ impl Header {
         })
     }
 
+    /// Rounding of the header's floats, relative.
+    pub(super) fn epsilon(&self) -> f64 {
+        if self.is_nifti2 { f64::EPSILON } else { f32::EPSILON.into() }
+    }
+
     /// Unit of length, where the file states one.
     pub(super) fn spacing_unit(&self) -> Option<&'static str> {
         match self.xyzt_units & 7 {

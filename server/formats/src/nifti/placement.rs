@@ -73,8 +73,10 @@ fn sform(header: &Header, pixdim: Vec3) -> Option<Affine> {
 /// The quaternion's rotation, `pixdim[0]` (qfac) as the sign of the third axis.
 fn qform(header: &Header, spacing: Vec3) -> Option<Affine> {
     let [b, c, d] = header.quatern;
-    let a = (1.0 - (b * b + c * c + d * d)).max(0.0).sqrt();
-    // Rounding may leave b, c, d a little too long; the rotation needs a unit quaternion.
+    // The header leaves the real part out. In half turns it is 0, and the square root would make
+    // much of what rounding of b, c, d left of it.
+    let a_squared = 1.0 - (b * b + c * c + d * d);
+    let a = if a_squared < 3.0 * header.epsilon() { 0.0 } else { a_squared.sqrt() };
     let length = (a * a + b * b + c * c + d * d).sqrt();
     let [a, b, c, d] = [a, b, c, d].map(|q| q / length);
     let handedness = if header.pixdim[0] < 0.0 { -1.0 } else { 1.0 };

@@ -114,6 +114,9 @@ impl Header {
             return Ok(());
         }
         if !USED.contains(&name.as_str()) {
+            if value.contains(":=") {
+                return Ok(()); // a key with a colon in it
+            }
             self.notices.push(format!("the unknown header field {} is ignored", quoted(&name)));
             return Ok(());
         }

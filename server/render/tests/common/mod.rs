@@ -1,5 +1,5 @@
 //! One device per test binary, and scenes made of numbers.
-#![allow(dead_code)]
+#![allow(dead_code, clippy::unwrap_used, clippy::expect_used)]
 
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock};
 
