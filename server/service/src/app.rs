@@ -1,0 +1,161 @@
+//! What all requests share, and the router over it.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::Router;
+use axum::extract::DefaultBodyLimit;
+use axum::middleware::{from_fn, from_fn_with_state};
+use proto::rest::Dataset;
+use render::Gpu;
+use scene::PreparedVolume;
+use tokio::sync::Semaphore;
+use tokio_util::sync::CancellationToken;
+
+use crate::config::Config;
+use crate::datasets::samples::Samples;
+use crate::datasets::volumes::{Key, Volumes};
+use crate::datasets::{Catalog, describe};
+use crate::problem::{Answer, Fault, as_problems};
+use crate::render_thread::{RenderThread, render_fault};
+use crate::serve::ServeError;
+use crate::sessions::Sessions;
+use crate::{http, openapi, origin, web};
+
+/// Frames being encoded at once, for each processor.
+const ENCODES_PER_PROCESSOR: usize = 1;
+
+/// Everything that requests share. Dropping the last handle ends the render thread.
+pub struct App {
+    config: Config,
+    catalog: Arc<Catalog>,
+    samples: Arc<Samples>,
+    volumes: Arc<Volumes>,
+    sessions: Sessions,
+    renderer: RenderThread,
+    closing: CancellationToken,
+    /// Permits for what is bounded by `limits`.
+    pub(crate) viewers: Arc<Semaphore>,
+    pub(crate) uploads: Semaphore,
+    pub(crate) requests: Semaphore,
+    pub(crate) encodes: Semaphore,
+    /// One thumbnail is drawn at a time; the others wait for it and find it on disk.
+    pub(crate) thumbnails: Semaphore,
+}
+
+impl App {
+    /// Opens the data directory and starts the render thread. Blocks.
+    ///
+    /// # Errors
+    /// The data directory cannot be used, or the device refuses.
+    pub fn open(config: Config, gpu: Arc<Gpu>) -> Result<Arc<Self>, ServeError> {
+        let limits = &config.limits;
+        let catalog = Catalog::open(&config.data, limits)
+            .map_err(|source| ServeError::Data { path: config.data.clone(), source })?;
+        let catalog = Arc::new(catalog);
+        let samples = Arc::new(Samples::new(catalog.storage().clone(), limits));
+        let volumes = Arc::new(Volumes::new(catalog.clone(), samples.clone(), limits));
+        let processors = std::thread::available_parallelism().map_or(1, usize::from);
+        Ok(Arc::new(Self {
+            renderer: RenderThread::start(gpu, limits.max_waiting_stills)?,
+            sessions: Sessions::new(limits.max_sessions, Duration::from_secs(config.session_idle_seconds)),
+            viewers: Arc::new(Semaphore::new(limits.max_viewers)),
+            uploads: Semaphore::new(limits.max_uploads),
+            requests: Semaphore::new(limits.max_requests),
+            encodes: Semaphore::new(processors * ENCODES_PER_PROCESSOR),
+            thumbnails: Semaphore::new(1),
+            closing: CancellationToken::new(),
+            catalog,
+            samples,
+            volumes,
+            config,
+        }))
+    }
+
+    /// The settings.
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
+    /// Stored datasets.
+    pub fn catalog(&self) -> &Arc<Catalog> {
+        &self.catalog
+    }
+
+    /// Samples.
+    pub fn samples(&self) -> &Arc<Samples> {
+        &self.samples
+    }
+
+    /// Volumes in memory.
+    pub fn volumes(&self) -> &Arc<Volumes> {
+        &self.volumes
+    }
+
+    /// Open sessions.
+    pub fn sessions(&self) -> &Sessions {
+        &self.sessions
+    }
+
+    /// The way to the GPU.
+    pub fn renderer(&self) -> &RenderThread {
+        &self.renderer
+    }
+
+    /// Cancelled when the service stops.
+    pub fn closing(&self) -> &CancellationToken {
+        &self.closing
+    }
+
+    /// Puts a volume on the GPU ahead of its first frame. Blocks.
+    ///
+    /// # Errors
+    /// It does not fit.
+    pub fn upload(&self, volume: &PreparedVolume) -> Answer<()> {
+        let uploaded = self.renderer.volumes().load(volume);
+        uploaded.map(drop).map_err(|error| {
+            let mut fault = render_fault(error);
+            if fault.problem.field.is_none() && fault.problem.status == 422 {
+                fault = Fault::invalid("volume", fault.problem.detail);
+            }
+            fault
+        })
+    }
+
+    /// What a loaded volume is. Blocks while samples are first described.
+    pub fn describe_volume(&self, key: &Key, volume: &PreparedVolume) -> Option<Dataset> {
+        let sample = |sample: &&crate::datasets::samples::Sample| sample.key() == *key;
+        if let Some(sample) = self.samples.all().iter().find(sample) {
+            return Some(sample.dataset.clone());
+        }
+        match key {
+            Key::Builtin(kind, _) => {
+                let name = crate::datasets::samples::readable(kind.name());
+                let mut dataset = describe(volume, kind.name(), &name, "builtin");
+                dataset.sample = true;
+                Some(dataset)
+            }
+            // `None` if it was deleted meanwhile.
+            Key::Dataset(id, _) => self.catalog.get(id).map(|manifest| manifest.dataset),
+        }
+    }
+}
+
+/// The whole service as a router.
+pub fn app(state: Arc<App>) -> Router {
+    let (api, document) = openapi::api().split_for_parts();
+    let api = api
+        .merge(openapi::document_route(document))
+        .fallback(http::nothing_here)
+        .layer(from_fn_with_state(state.clone(), http::admit))
+        // Each handler bounds its own body.
+        .layer(DefaultBodyLimit::disable())
+        .layer(http::cors(state.config()));
+    Router::new()
+        .nest("/api/v1", api)
+        .fallback(web::page)
+        .layer(from_fn_with_state(state.clone(), origin::guard))
+        .layer(from_fn(as_problems))
+        .layer(from_fn(http::traced))
+        .with_state(state)
+}

@@ -1,0 +1,403 @@
+//! The scene an uploaded volume opens with: chosen from its voxels so that it looks good at once.
+//!
+//! Scans and simulations share one shape: much of nothing (air, background noise), a large body
+//! of middling matter, and a little that is dense. Nothing becomes transparent, the body warm and
+//! translucent, the dense part bright and solid. Where these lie is read off the distribution of
+//! the data values by Otsu's threshold (N. Otsu, IEEE Trans. SMC 9, 1979), which splits a
+//! distribution where the two parts differ most. Volumes of few whole values are label maps and
+//! get one colour per label.
+
+use proto::scene_file::{
+    Background, BlinnPhong, Brdf, Camera, DirectionalLight, EnvironmentLight, Filter, Light,
+    Material, SceneFile, TransferFunction, TransferFunctionPoint, VolumeSource,
+};
+use scene::{Camera as View, Grid, PreparedVolume, Voxels};
+
+/// Most voxels looked at.
+const MAX_SAMPLES: usize = 1 << 18;
+/// Share of the values at either end that are taken for outliers.
+const OUTLIERS: f64 = 0.001;
+/// Buckets that a threshold is sought among.
+const BUCKETS: usize = 256;
+/// A smallest value is padding if it is this common...
+const PADDING_SHARE: f64 = 0.01;
+/// ...and this far from the next, as a share of the range.
+const PADDING_GAP: f64 = 0.1;
+/// Matter that fills more than this share of the volume hides itself: the threshold is raised.
+const MAX_MATTER_SHARE: f64 = 0.7;
+/// How often the threshold is raised at most.
+const MAX_RAISES: usize = 2;
+/// The dense part is between these shares of the matter.
+const DENSE_SHARE: [f64; 2] = [0.03, 0.35];
+/// Volumes of whole numbers with at most this many values are label maps.
+const MAX_LABELS: usize = 12;
+
+/// Optical depth of the translucent body, seen through all of it.
+const BODY_OPTICAL_DEPTH: f64 = 1.4;
+/// Extinction of the body is kept within these, per world unit.
+const BODY_EXTINCTION: [f64; 2] = [1.0, 25.0];
+/// Extinction of the dense part per world unit: opaque within a hundredth of the volume.
+const DENSE_EXTINCTION: f64 = 300.0;
+/// Warm and translucent.
+const BODY_ALBEDO: [f64; 3] = [0.85, 0.52, 0.36];
+/// Between body and dense part.
+const MIDDLE_ALBEDO: [f64; 3] = [0.93, 0.70, 0.50];
+/// Bright and solid.
+const DENSE_ALBEDO: [f64; 3] = [0.97, 0.93, 0.86];
+/// Dark enough that nothing competes with the picture, not so dark that its edge vanishes.
+const BACKGROUND: [f64; 3] = [0.012, 0.014, 0.018];
+
+/// Room around the matter in the picture: share of the half image it may fill.
+const FILL: f64 = 0.9;
+/// Where unoriented data are looked at from: a little from the right and from above.
+const UNORIENTED_YAW_DEGREES: f64 = 25.0;
+const UNORIENTED_PITCH_DEGREES: f64 = 18.0;
+
+/// A scene for a volume nobody has described.
+pub fn default_scene(prepared: &PreparedVolume, source: VolumeSource) -> SceneFile {
+    let mut scene = SceneFile::new(source);
+    let values = sorted_values(prepared);
+    let whole = !matches!(prepared.volume.voxels, Voxels::F32(_));
+    let labels = distinct(&values, MAX_LABELS).filter(|_| whole);
+    match labels {
+        Some(labels) if labels.len() > 1 => show_labels(&mut scene, &labels, &values),
+        _ => show_scan(&mut scene, prepared, &values),
+    }
+    scene.materials = materials();
+    let anatomical = prepared.volume.orientation.is_some();
+    scene.lights = lights(anatomical);
+    scene.background = Background::Color(BACKGROUND);
+    scene.camera = Some(camera(prepared, &scene, anatomical));
+    scene
+}
+
+/// Data values of evenly spread voxels, ascending.
+fn sorted_values(prepared: &PreparedVolume) -> Vec<f64> {
+    let volume = &prepared.volume;
+    let count = volume.voxels.len();
+    let layer = volume.dims[0] * volume.dims[1];
+    // A stride without a common factor with the layer size visits every column.
+    let mut stride = count.div_ceil(MAX_SAMPLES).max(1);
+    while stride > 1 && greatest_common_divisor(stride, layer) > 1 {
+        stride += 1;
+    }
+    let value = |index| volume.slope * f64::from(volume.voxels.stored(index)) + volume.intercept;
+    let mut values: Vec<f64> = (0..count).step_by(stride).map(value).collect();
+    values.sort_by(f64::total_cmp);
+    values
+}
+
+fn greatest_common_divisor(a: usize, b: usize) -> usize {
+    if b == 0 { a } else { greatest_common_divisor(b, a % b) }
+}
+
+/// The distinct values, unless there are more than `most`.
+fn distinct(sorted: &[f64], most: usize) -> Option<Vec<f64>> {
+    let mut found: Vec<f64> = Vec::new();
+    for &value in sorted {
+        if found.last() != Some(&value) {
+            if found.len() == most {
+                return None;
+            }
+            found.push(value);
+        }
+    }
+    Some(found)
+}
+
+fn quantile(sorted: &[f64], share: f64) -> f64 {
+    let last = sorted.len().saturating_sub(1);
+    sorted.get((share * last as f64).round() as usize).copied().unwrap_or(0.0)
+}
+
+/// The part of ascending values that lies above a threshold.
+fn above(sorted: &[f64], threshold: f64) -> &[f64] {
+    &sorted[sorted.partition_point(|&value| value <= threshold)..]
+}
+
+/// Otsu's threshold of ascending values: the value that maximises the variance between the two
+/// parts, sought among equal steps between the outliers. `None` if the values are all alike.
+fn otsu(sorted: &[f64]) -> Option<f64> {
+    let (low, high) = (quantile(sorted, OUTLIERS), quantile(sorted, 1.0 - OUTLIERS));
+    if !(high > low) {
+        return None;
+    }
+    let edge = |bucket: usize| low + (high - low) * bucket as f64 / BUCKETS as f64;
+    let total = sorted.len() as f64;
+    let sum: f64 = sorted.iter().map(|value| value.clamp(low, high)).sum();
+    let (mut best, mut thresholds) = (0.0, Vec::new());
+    let (mut below, mut sum_below) = (0, 0.0);
+    for bucket in 1..BUCKETS {
+        let end = sorted.partition_point(|&value| value <= edge(bucket));
+        sum_below += sorted[below..end].iter().map(|value| value.clamp(low, high)).sum::<f64>();
+        below = end;
+        let weight = below as f64;
+        if weight == 0.0 || weight == total {
+            continue;
+        }
+        let difference = sum_below / weight - (sum - sum_below) / (total - weight);
+        let variance = weight * (total - weight) * difference * difference;
+        // Between two separate lumps every threshold is as good: the middle one is taken.
+        if variance > best * (1.0 + 1e-9) {
+            best = variance;
+            thresholds.clear();
+        }
+        if variance >= best * (1.0 - 1e-9) {
+            thresholds.push(edge(bucket));
+        }
+    }
+    thresholds.get(thresholds.len() / 2).copied()
+}
+
+/// Where nothing ends, where the body lies, and where the dense part begins; data values.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Parts {
+    low: f64,
+    air_end: f64,
+    body: f64,
+    dense: f64,
+    high: f64,
+    /// Share of all voxels that are matter.
+    matter_share: f64,
+}
+
+fn parts(sorted: &[f64]) -> Option<Parts> {
+    let inside = without_padding(sorted);
+    let mut air_end = otsu(inside)?;
+    for _ in 0..MAX_RAISES {
+        let matter = above(inside, air_end);
+        if (matter.len() as f64) <= MAX_MATTER_SHARE * inside.len() as f64 {
+            break;
+        }
+        match otsu(matter) {
+            Some(raised) => air_end = raised,
+            None => break,
+        }
+    }
+    let matter = above(inside, air_end);
+    let [least, most] = DENSE_SHARE.map(|share| quantile(matter, 1.0 - share));
+    let dense = otsu(matter).unwrap_or(least).clamp(most.min(least), least.max(most));
+    let high = quantile(inside, 1.0 - OUTLIERS).max(dense);
+    Some(Parts {
+        low: quantile(inside, OUTLIERS).min(air_end),
+        air_end,
+        body: quantile(matter, 0.5).min(dense),
+        dense,
+        high,
+        matter_share: matter.len() as f64 / sorted.len() as f64,
+    })
+}
+
+/// Scanners fill what they did not see with one value far below everything else.
+fn without_padding(sorted: &[f64]) -> &[f64] {
+    let [Some(&low), Some(&high)] = [sorted.first(), sorted.last()] else {
+        return sorted;
+    };
+    let rest = above(sorted, low);
+    let padded = (sorted.len() - rest.len()) as f64 > PADDING_SHARE * sorted.len() as f64;
+    match rest.first() {
+        Some(&next) if padded && next - low > PADDING_GAP * (high - low) && distinct(rest, 2).is_none() => rest,
+        _ => sorted,
+    }
+}
+
+fn show_scan(scene: &mut SceneFile, prepared: &PreparedVolume, values: &[f64]) {
+    let Some(parts) = parts(values) else {
+        // One value everywhere: a translucent block is all there is to see.
+        scene.transfer_function = TransferFunction {
+            points: vec![point(0.0, 3.0, BODY_ALBEDO, "body")],
+        };
+        return;
+    };
+    // A little above the densest common value, so that the last point is not at the very end.
+    let window = [parts.low, parts.high + 0.02 * (parts.high - parts.low)];
+    let s = |value: f64| ((value - window[0]) / (window[1] - window[0])).clamp(0.0, 1.0);
+    let grid = Grid::new(prepared.volume.dims, scene.spacing.unwrap_or(prepared.volume.spacing));
+    let depth = grid.size_world.element_sum() / 3.0;
+    let thickness = (parts.matter_share * depth).max(f64::EPSILON);
+    let body = (BODY_OPTICAL_DEPTH / thickness).clamp(BODY_EXTINCTION[0], BODY_EXTINCTION[1]);
+    // Noise reaches above the threshold; matter starts thin.
+    let foot = parts.air_end + 0.25 * (parts.body - parts.air_end);
+    let shoulder = parts.body + 0.5 * (parts.dense - parts.body);
+    let mut points = vec![
+        point(0.0, 0.0, BODY_ALBEDO, "body"),
+        point(s(parts.air_end), 0.0, BODY_ALBEDO, "body"),
+        point(s(foot), 0.5 * body, BODY_ALBEDO, "body"),
+        point(s(parts.body), body, BODY_ALBEDO, "body"),
+        point(s(shoulder), 2.0 * body, MIDDLE_ALBEDO, "dense"),
+        point(s(parts.dense), 0.5 * DENSE_EXTINCTION, DENSE_ALBEDO, "dense"),
+        point(1.0, DENSE_EXTINCTION, DENSE_ALBEDO, "dense"),
+    ];
+    // Parts that coincide would make steps that nobody meant.
+    points.dedup_by(|later, earlier| {
+        let same = later.s - earlier.s < 1e-6;
+        if same {
+            later.s = earlier.s;
+            std::mem::swap(later, earlier);
+        }
+        same
+    });
+    scene.value_range = Some(window);
+    scene.transfer_function = TransferFunction { points };
+}
+
+/// One colour per label; the most common one is what lies around the others.
+fn show_labels(scene: &mut SceneFile, labels: &[f64], values: &[f64]) {
+    let count = |label: f64| {
+        values.partition_point(|&v| v <= label) - values.partition_point(|&v| v < label)
+    };
+    let around = labels.iter().copied().max_by_key(|&label| count(label));
+    let (first, last) = (labels[0], labels[labels.len() - 1]);
+    // Half a label of room at either end: each label owns an interval around its value.
+    let room = 0.5 * (last - first) / (labels.len() - 1) as f64;
+    let window = [first - room, last + room];
+    let s = |value: f64| ((value - window[0]) / (window[1] - window[0])).clamp(0.0, 1.0);
+    let mut points = Vec::new();
+    for (index, &label) in labels.iter().enumerate() {
+        let start = index.checked_sub(1).map_or(0.0, |i| s(0.5 * (labels[i] + label)));
+        let end = labels.get(index + 1).map_or(1.0, |next| s(0.5 * (label + next)));
+        let extinction = if Some(label) == around { 0.0 } else { DENSE_EXTINCTION };
+        let color = label_color(index);
+        points.push(point(start, extinction, color, "dense"));
+        points.push(point(end, extinction, color, "dense"));
+    }
+    scene.volume.filter = Filter::Nearest;
+    scene.value_range = Some(window);
+    scene.transfer_function = TransferFunction { points };
+}
+
+/// Well separated hues: steps of the golden angle.
+fn label_color(index: usize) -> [f64; 3] {
+    let hue = index as f64 * 137.507_764_05_f64.to_radians();
+    let third = std::f64::consts::TAU / 3.0;
+    [0.0, third, 2.0 * third].map(|offset| 0.55 + 0.38 * (hue - offset).cos())
+}
+
+fn point(s: f64, extinction: f64, albedo: [f64; 3], material: &str) -> TransferFunctionPoint {
+    TransferFunctionPoint {
+        s,
+        extinction: Some(extinction),
+        albedo,
+        material: Some(material.into()),
+        ..TransferFunctionPoint::default()
+    }
+}
+
+fn materials() -> std::collections::BTreeMap<String, Material> {
+    let material = |surface, specular, exponent| Material {
+        surface,
+        brdf: Some(Brdf::BlinnPhong(BlinnPhong { diffuse: 0.85, specular, exponent })),
+        ..Material::default()
+    };
+    [("body", material(0.6, 0.08, 20.0)), ("dense", material(0.95, 0.15, 50.0))]
+        .map(|(name, material)| (name.to_owned(), material))
+        .into()
+}
+
+/// From view axes (right, up, towards the eye) of the default view to the world.
+fn world_from_view([right, up, back]: [f64; 3], anatomical: bool) -> [f64; 3] {
+    if anatomical { [right, -back, up] } else { [right, up, back] }
+}
+
+/// A warm key from the upper left, a cool fill from the right, and light from everywhere.
+fn lights(anatomical: bool) -> Vec<Light> {
+    let directional = |id: &str, towards: [f64; 3], irradiance| {
+        Light::Directional(DirectionalLight {
+            id: Some(id.into()),
+            enabled: true,
+            direction: world_from_view(towards, anatomical),
+            irradiance,
+        })
+    };
+    vec![
+        directional("key", [0.45, -0.65, -0.65], [2.5, 2.35, 2.1]),
+        directional("fill", [-0.8, 0.1, -0.55], [0.45, 0.55, 0.75]),
+        Light::Environment(EnvironmentLight {
+            id: Some("room".into()),
+            enabled: true,
+            radiance: Some([0.16, 0.17, 0.19]),
+            image: None,
+            scale: None,
+            rotation_degrees: None,
+        }),
+    ]
+}
+
+/// The default view, close enough that the matter fills the picture.
+fn camera(prepared: &PreparedVolume, scene: &SceneFile, anatomical: bool) -> Camera {
+    let mut camera = View::default_file(anatomical);
+    let [low, high] = matter_bounds(prepared, scene);
+    let center: [f64; 3] = std::array::from_fn(|axis| 0.5 * (low[axis] + high[axis]));
+    let (yaw, pitch) = if anatomical {
+        (0.0, 0.0)
+    } else {
+        (UNORIENTED_YAW_DEGREES.to_radians(), UNORIENTED_PITCH_DEGREES.to_radians())
+    };
+    let back = world_from_view(
+        [yaw.sin() * pitch.cos(), pitch.sin(), yaw.cos() * pitch.cos()],
+        anatomical,
+    );
+    camera.target = center;
+    camera.position = std::array::from_fn(|axis| center[axis] + back[axis]);
+    let view = View::from_file(&camera);
+    let half = camera.fov_y_degrees.unwrap_or(40.0).to_radians() * 0.5;
+    // Every corner shall lie within the image: |x| and |y| at most `FILL tan(half) depth`.
+    let mut distance = 0.0f64;
+    for corner in 0..8 {
+        let offset: [f64; 3] = std::array::from_fn(|axis| {
+            if corner >> axis & 1 == 0 { low[axis] - center[axis] } else { high[axis] - center[axis] }
+        });
+        let along = |direction: [f64; 3]| (0..3).map(|i| offset[i] * direction[i]).sum::<f64>();
+        let across = along(view.right.to_array()).abs().max(along(view.up.to_array()).abs());
+        distance = distance.max(across / (FILL * half.tan()) + along(back));
+    }
+    camera.position = std::array::from_fn(|axis| center[axis] + distance.max(0.1) * back[axis]);
+    camera
+}
+
+/// Corners of the box around all macrocells that can hold matter, world; the whole volume if none.
+fn matter_bounds(prepared: &PreparedVolume, scene: &SceneFile) -> [[f64; 3]; 2] {
+    let volume = &prepared.volume;
+    let grid = Grid::new(volume.dims, volume.spacing);
+    let whole = [grid.size_world * -0.5, grid.size_world * 0.5].map(|corner| corner.to_array());
+    let Some([low, high]) = scene.value_range else {
+        return whole;
+    };
+    let (function, _) = scene::TransferFunction::from_file(scene);
+    let has_matter = |bin: usize| {
+        let [from, to] = prepared.bins.interval(bin).map(|v| ((v - low) / (high - low)).clamp(0.0, 1.0));
+        let inside = function.points.iter().filter(|p| p.s >= from && p.s <= to);
+        // A bin counts if it is more than the thin foot of the body.
+        [function.at(from), function.at(to)].iter().chain(inside).any(|p| p.sigma_t > BODY_EXTINCTION[0])
+    };
+    let bins = (0..64).filter(|&bin| has_matter(bin)).fold(0u64, |mask, bin| mask | 1 << bin);
+    let cells = &prepared.macrocells;
+    let (mut first, mut last) = (cells.dims, [0; 3]);
+    let mut found = false;
+    for (index, mask) in cells.masks(scene.volume.filter).iter().enumerate() {
+        if mask & bins == 0 {
+            continue;
+        }
+        found = true;
+        let at = [
+            index % cells.dims[0],
+            index / cells.dims[0] % cells.dims[1],
+            index / (cells.dims[0] * cells.dims[1]),
+        ];
+        for axis in 0..3 {
+            first[axis] = first[axis].min(at[axis]);
+            last[axis] = last[axis].max(at[axis] + 1);
+        }
+    }
+    if !found {
+        return whole;
+    }
+    let edge = scene::macrocells::MACROCELL_EDGE;
+    [first, last].map(|cell| {
+        let unit = |axis: usize| (cell[axis] * edge) as f64 / volume.dims[axis] as f64;
+        std::array::from_fn(|axis| (unit(axis).min(1.0) - 0.5) * grid.size_world[axis])
+    })
+}
+
+#[cfg(test)]
+mod tests;

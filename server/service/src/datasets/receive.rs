@@ -1,0 +1,278 @@
+//! Receiving an upload: bytes to a temporary folder, bounded and hashed as they come.
+//!
+//! Whatever goes wrong (the client hangs up, a limit is met, no reader accepts the file), the
+//! folder goes away with its [`Incoming`].
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::body::Bytes;
+use futures_util::{Stream, StreamExt};
+use proto::rest::Dataset;
+use tokio::io::AsyncWriteExt;
+
+use super::storage::random_hex;
+use super::{Reservation, volumes};
+use crate::App;
+use crate::problem::{Answer, Fault};
+
+/// Longest pause between two pieces of an upload.
+const MAX_PAUSE: Duration = Duration::from_secs(30);
+/// Bytes gathered before they are handed to the file system.
+const WRITE_BYTES: usize = 1 << 20;
+/// Longest file name kept, characters.
+const MAX_NAME_CHARS: usize = 100;
+
+/// An upload under way: its folder, what it holds and the room set aside for it.
+pub struct Incoming<'a> {
+    app: &'a Arc<App>,
+    folder: Folder,
+    /// Name and BLAKE3 of each file.
+    files: BTreeMap<String, blake3::Hash>,
+    bytes: u64,
+    reservation: Reservation<'a>,
+}
+
+/// A temporary folder; removed with everything in it when dropped.
+struct Folder(PathBuf);
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let path = std::mem::take(&mut self.0);
+        let remove = move || match std::fs::remove_dir_all(&path) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                tracing::error!(%error, "an unfinished upload stays until the next start");
+            }
+            _ => {}
+        };
+        match tokio::runtime::Handle::try_current() {
+            Ok(runtime) => drop(runtime.spawn_blocking(remove)),
+            Err(_) => remove(),
+        }
+    }
+}
+
+impl<'a> Incoming<'a> {
+    /// An empty upload.
+    ///
+    /// # Errors
+    /// Too many datasets, or the file system refuses.
+    pub async fn new(app: &'a Arc<App>) -> Answer<Self> {
+        app.catalog().check_count()?;
+        let storage_failed = |error| Fault::internal("preparing an upload", &error);
+        let name = random_hex(16).map_err(storage_failed)?;
+        let path = app.catalog().storage().incoming().join(name);
+        tokio::fs::create_dir(&path).await.map_err(storage_failed)?;
+        Ok(Self {
+            app,
+            folder: Folder(path),
+            files: BTreeMap::new(),
+            bytes: 0,
+            reservation: app.catalog().reserve(),
+        })
+    }
+
+    /// Receives one file.
+    ///
+    /// # Errors
+    /// A second file of the same name, a limit, a client that stops sending.
+    pub async fn file<E: std::fmt::Display>(
+        &mut self,
+        name: &str,
+        mut pieces: impl Stream<Item = Result<Bytes, E>> + Unpin,
+    ) -> Answer<()> {
+        let name = plain_name(name);
+        let most_files = self.app.config().limits.max_upload_files;
+        if self.files.len() >= most_files {
+            return Err(Fault::too_large(format!("An upload may have {most_files} files (`limits.max_upload_files`).")));
+        }
+        if self.files.contains_key(&name) {
+            return Err(Fault::invalid("file", format!("The upload has two files named `{name}`.")));
+        }
+        let disk_failed = |error: std::io::Error| Fault::internal("writing an upload", &error);
+        let file = tokio::fs::File::create_new(self.folder.0.join(&name)).await.map_err(disk_failed)?;
+        let mut file = tokio::io::BufWriter::with_capacity(WRITE_BYTES, file);
+        let mut hasher = blake3::Hasher::new();
+        loop {
+            let piece = tokio::time::timeout(MAX_PAUSE, pieces.next())
+                .await
+                .map_err(|_| Fault::timed_out(format!("Nothing arrived for {} seconds.", MAX_PAUSE.as_secs())))?;
+            let Some(piece) = piece else { break };
+            let piece = piece.map_err(|error| Fault::bad_request(format!("The upload broke off: {error}.")))?;
+            self.count(piece.len() as u64)?;
+            hasher.update(&piece);
+            file.write_all(&piece).await.map_err(disk_failed)?;
+        }
+        file.flush().await.map_err(disk_failed)?;
+        file.into_inner().sync_all().await.map_err(disk_failed)?;
+        self.files.insert(name, hasher.finalize());
+        Ok(())
+    }
+
+    fn count(&mut self, bytes: u64) -> Answer<()> {
+        self.bytes += bytes;
+        let most = self.app.config().limits.max_upload_bytes;
+        if self.bytes > most {
+            return Err(Fault::too_large(format!("An upload may have {most} bytes (`limits.max_upload_bytes`).")));
+        }
+        self.reservation.grow(bytes)
+    }
+
+    /// Reads the received files as a volume and stores them. `true` if the dataset is new.
+    ///
+    /// # Errors
+    /// No file, or none that a reader accepts (422, with the reader's words); no room.
+    pub async fn finish(self) -> Answer<(Dataset, bool)> {
+        let Some(main_file) = main_file(self.files.keys()) else {
+            return Err(Fault::invalid("file", "The upload has no volume file."));
+        };
+        let content = content_hash(&self.files).to_hex().to_string();
+        if let Some(existing) = self.app.catalog().with_content(&content) {
+            return Ok((existing.dataset, false));
+        }
+        let Self { app, folder, bytes, reservation, .. } = self;
+        let limits = app.config().limits.clone();
+        let job = {
+            let app = app.clone();
+            move || import(&app, &folder.0, &content, &main_file, bytes, &limits)
+        };
+        let stored = tokio::task::spawn_blocking(job)
+            .await
+            .map_err(|error| Fault::internal("reading an upload", &error))?;
+        // The catalog counts the dataset from here on.
+        drop(reservation);
+        stored
+    }
+}
+
+/// Reads the received folder and stores it. Blocks.
+fn import(
+    app: &Arc<App>,
+    folder: &Path,
+    content: &str,
+    main_file: &str,
+    bytes: u64,
+    limits: &crate::config::Limits,
+) -> Answer<(Dataset, bool)> {
+    let read = volumes::read(&folder.join(main_file), None, limits, &|_| {})
+        .map_err(|error| Fault::unreadable_file(error.to_string()))?;
+    let prepared = scene::PreparedVolume::new(read.volume, &|_| {});
+    let mut dataset = super::describe(&prepared, "", display_name(main_file), read.format.name());
+    dataset.voxel_type = read.file_type;
+    dataset.bytes = bytes;
+    dataset.notices = read.notices;
+    dataset.created_unix_millis = crate::unix_millis();
+    let (dataset, new) = app.catalog().store(folder, content, main_file, dataset)?;
+    app.volumes().offer(volumes::Key::dataset(&dataset.id), prepared);
+    Ok((dataset, new))
+}
+
+/// BLAKE3 of an upload: of its only file, or of the names and hashes of its files.
+fn content_hash(files: &BTreeMap<String, blake3::Hash>) -> blake3::Hash {
+    if files.len() == 1
+        && let Some(hash) = files.values().next()
+    {
+        return *hash;
+    }
+    let mut hasher = blake3::Hasher::new();
+    for (name, hash) in files {
+        hasher.update(&(name.len() as u64).to_le_bytes());
+        hasher.update(name.as_bytes());
+        hasher.update(hash.as_bytes());
+    }
+    hasher.finalize()
+}
+
+/// A client's file name as a plain name: the last component, without control characters, leading
+/// dots or anything a shell, URL or file system could take for more than a name.
+pub fn plain_name(name: &str) -> String {
+    let last = name.rsplit(['/', '\\']).next().unwrap_or_default();
+    let safe = |c: char| {
+        if c.is_alphanumeric() || "._-+() ".contains(c) { c } else { '_' }
+    };
+    let name: String = last.trim().trim_start_matches('.').chars().map(safe).collect();
+    // The end is kept: readers look at it.
+    let surplus = name.chars().count().saturating_sub(MAX_NAME_CHARS);
+    let name: String = name.chars().skip(surplus).collect();
+    let name = name.trim_start_matches(['.', ' ']);
+    if name.is_empty() { "upload".into() } else { name.into() }
+}
+
+/// The file a reader opens: a header before attached files before raw data; JSON describes.
+fn main_file<'n>(names: impl Iterator<Item = &'n String>) -> Option<String> {
+    let rank = |name: &&String| {
+        let lower = name.to_lowercase();
+        const FIRST: [&str; 6] = [".nhdr", ".hdr", ".nrrd", ".nii", ".nii.gz", ""];
+        FIRST.iter().position(|end| lower.ends_with(end))
+    };
+    let mut names: Vec<&String> = names.filter(|name| !name.to_lowercase().ends_with(".json")).collect();
+    names.sort_by_key(rank);
+    names.first().map(|&name| name.clone())
+}
+
+/// A file name without its endings.
+fn display_name(file: &str) -> &str {
+    let stem = file.strip_suffix(".gz").unwrap_or(file);
+    match stem.rsplit_once('.') {
+        Some((name, _)) if !name.is_empty() => name,
+        _ => stem,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_plain() {
+        for (given, expected) in [
+            ("engine.nrrd", "engine.nrrd"),
+            ("../../etc/passwd", "passwd"),
+            ("C:\\scans\\head (1).nii.gz", "head (1).nii.gz"),
+            ("..", "upload"),
+            ("", "upload"),
+            (".hidden", "hidden"),
+            ("a\0b\n;c.raw", "a_b__c.raw"),
+            ("Schädel.nrrd", "Schädel.nrrd"),
+        ] {
+            assert_eq!(plain_name(given), expected, "{given:?}");
+        }
+        let long = format!("{}.nrrd", "x".repeat(500));
+        assert_eq!(plain_name(&long).chars().count(), MAX_NAME_CHARS);
+        assert!(plain_name(&long).ends_with(".nrrd"));
+    }
+
+    #[test]
+    fn the_header_is_the_main_file() {
+        let names = |list: &[&str]| list.iter().map(|&n| n.to_owned()).collect::<Vec<_>>();
+        let main = |list: &[&str]| main_file(names(list).iter());
+        assert_eq!(main(&["a.raw", "a.nhdr"]).unwrap(), "a.nhdr");
+        assert_eq!(main(&["a.img", "a.hdr"]).unwrap(), "a.hdr");
+        assert_eq!(main(&["a.json", "a.raw"]).unwrap(), "a.raw");
+        assert_eq!(main(&["a.json"]), None);
+        assert_eq!(main(&[]), None);
+    }
+
+    #[test]
+    fn equal_uploads_have_equal_hashes() {
+        let files = |list: &[(&str, &str)]| {
+            list.iter().map(|(n, c)| ((*n).to_owned(), blake3::hash(c.as_bytes()))).collect::<BTreeMap<_, _>>()
+        };
+        let one = content_hash(&files(&[("a.nrrd", "1")]));
+        assert_eq!(one, content_hash(&files(&[("b.nrrd", "1")])), "the name of a single file says nothing");
+        assert_ne!(one, content_hash(&files(&[("a.nrrd", "1"), ("b.raw", "2")])));
+        assert_ne!(
+            content_hash(&files(&[("a", "1"), ("b", "2")])),
+            content_hash(&files(&[("a", "2"), ("b", "1")]))
+        );
+    }
+
+    #[test]
+    fn names_for_people_have_no_endings() {
+        assert_eq!(display_name("head.nii.gz"), "head");
+        assert_eq!(display_name("head.v2.nrrd"), "head.v2");
+        assert_eq!(display_name("head"), "head");
+    }
+}

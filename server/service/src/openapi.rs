@@ -1,0 +1,67 @@
+//! The OpenAPI document, generated from the handlers and the types.
+
+use std::sync::Arc;
+
+use axum::Router;
+use axum::http::{HeaderValue, header};
+use axum::response::IntoResponse;
+use axum::routing::get;
+use utoipa::OpenApi;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use crate::App;
+use crate::{datasets, sessions, viewer};
+
+#[derive(OpenApi)]
+#[openapi(
+    info(
+        title = "Tyndall",
+        description = "Remote volume rendering: datasets, sessions, stills. Errors are problem documents (RFC 9457). Viewers connect to `/sessions/{id}/view` by WebSocket: JSON control messages (`ClientMessage`, `ServerMessage`) and binary frames.",
+    ),
+    servers((url = "/api/v1")),
+    components(schemas(
+        proto::rest::Problem,
+        proto::control::ClientMessage,
+        proto::control::ServerMessage,
+    )),
+    tags(
+        (name = "service", description = "The service itself"),
+        (name = "datasets", description = "Volumes that can be explored"),
+        (name = "sessions", description = "Scenes being explored"),
+    )
+)]
+struct Document;
+
+/// Every route of the API, with its description.
+pub fn api() -> OpenApiRouter<Arc<App>> {
+    OpenApiRouter::with_openapi(Document::openapi())
+        .routes(routes!(sessions::routes::status))
+        .routes(routes!(datasets::routes::list, datasets::routes::post))
+        .routes(routes!(datasets::routes::get, datasets::routes::put, datasets::routes::delete))
+        .routes(routes!(datasets::routes::histogram))
+        .routes(routes!(datasets::routes::thumbnail))
+        .routes(routes!(datasets::routes::scene))
+        .routes(routes!(sessions::routes::list, sessions::routes::create))
+        .routes(routes!(sessions::routes::get, sessions::routes::delete))
+        .routes(routes!(
+            sessions::routes::get_scene,
+            sessions::routes::put_scene,
+            sessions::routes::patch_scene
+        ))
+        .routes(routes!(sessions::routes::snapshot))
+        .routes(routes!(viewer::view))
+}
+
+/// Serves the document.
+pub fn document_route(document: utoipa::openapi::OpenApi) -> Router<Arc<App>> {
+    let text = document.to_json().unwrap_or_default();
+    let text: Arc<str> = text.into();
+    Router::new().route(
+        "/openapi.json",
+        get(move || async move {
+            let media_type = HeaderValue::from_static("application/json");
+            ([(header::CONTENT_TYPE, media_type)], text.to_string()).into_response()
+        }),
+    )
+}

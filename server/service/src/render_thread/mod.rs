@@ -1,0 +1,283 @@
+//! The thread that owns the GPU's submission, and how the rest of the service talks to it.
+//!
+//! Each viewer has a slot that holds its newest input: snapshot, viewport, visibility,
+//! acknowledgements. Writers overwrite it, the thread reads it between two slices of work; nothing
+//! queues up, so the newest state always wins. Finished pictures leave through the viewer's
+//! bounded channel and are encoded elsewhere.
+
+mod pace;
+mod watched;
+mod worker;
+
+use std::collections::{HashMap, VecDeque};
+use std::sync::Arc;
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use parking_lot::{Condvar, Mutex};
+use proto::frame::FrameHeader;
+use proto::plan::FrameReport;
+use proto::rest::DeviceInfo;
+use render::{Gpu, Picture, Radiance, RenderError, Renderer, VolumeCache};
+use scene::Snapshot;
+use scene::plan::Target;
+use tokio::sync::{mpsc, oneshot};
+
+pub use pace::Link;
+
+use crate::problem::{Answer, Fault};
+
+/// Frames a viewer may have that it has not acknowledged.
+pub const MAX_FRAMES_IN_FLIGHT: u32 = 2;
+/// Pictures and reports waiting for a viewer's encoder: the frames in flight, each with a report.
+pub const MAX_WAITING_OUTPUTS: usize = 8;
+
+/// Identifies a viewer on the render thread.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct ViewerId(u64);
+
+/// The newest state of a viewer; a writer overwrites what the thread has not read yet.
+#[derive(Clone)]
+pub struct ViewerInput {
+    /// What to show, with this viewer's camera.
+    pub snapshot: Arc<Snapshot>,
+    /// Device pixels; nothing is drawn before the viewer has said.
+    pub viewport: Option<(u32, u32)>,
+    /// A hidden viewer gets no frames.
+    pub visible: bool,
+    /// Newest input.
+    pub seq: u32,
+    /// When it arrived.
+    pub arrived: Instant,
+    /// Newest frame the viewer has acknowledged.
+    pub acknowledged: u32,
+    /// What its link carries.
+    pub link: Link,
+    outputs: mpsc::Sender<Output>,
+}
+
+/// What the thread hands to a viewer's connection.
+pub enum Output {
+    /// A picture to encode and send; encoding fills in the header's rest.
+    Frame(Box<FinishedFrame>),
+    /// An edit that cannot be seen: nothing had to be drawn.
+    Unchanged {
+        /// Newest frame.
+        frame: u32,
+        /// The plan that says why.
+        report: Box<FrameReport>,
+    },
+    /// Drawing failed.
+    Failed(String),
+}
+
+/// A picture on its way to a viewer.
+pub struct FinishedFrame {
+    /// The pixels.
+    pub picture: Picture,
+    /// How to encode them.
+    pub encoding: Encoding,
+    /// Everything that is known before encoding.
+    pub header: FrameHeader,
+    /// What it cost.
+    pub report: FrameReport,
+}
+
+/// How a picture travels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Encoding {
+    /// JPEG 4:2:0 of this quality.
+    Moving(u8),
+    /// JPEG 4:4:4 of high quality.
+    Refining,
+    /// Lossless WebP.
+    Lossless,
+}
+
+/// A still, drawn beside the viewers.
+pub struct StillJob {
+    snapshot: Arc<Snapshot>,
+    target: Target,
+    radiance: bool,
+    deadline: Instant,
+    reply: oneshot::Sender<Result<Still, RenderError>>,
+}
+
+/// A drawn still.
+pub enum Still {
+    /// Tone-mapped.
+    Picture(Picture),
+    /// Linear.
+    Radiance(Radiance),
+}
+
+struct Shared {
+    inbox: Mutex<Inbox>,
+    wake: Condvar,
+    volumes: Mutex<Arc<VolumeCache>>,
+}
+
+struct Inbox {
+    viewers: HashMap<ViewerId, ViewerInput>,
+    /// At most `limits.max_waiting_stills`.
+    stills: VecDeque<StillJob>,
+    next_viewer: u64,
+    /// Counts changes, so that the thread never sleeps through one.
+    version: u64,
+    closing: bool,
+}
+
+/// The way to the render thread; the thread ends with [`RenderThread::stop`].
+pub struct RenderThread {
+    shared: Arc<Shared>,
+    device: DeviceInfo,
+    max_waiting_stills: usize,
+    thread: Mutex<Option<JoinHandle<()>>>,
+}
+
+impl RenderThread {
+    /// Starts the thread.
+    ///
+    /// # Errors
+    /// The device refuses, or the system has no thread left.
+    pub fn start(gpu: Arc<Gpu>, max_waiting_stills: usize) -> Result<Self, RenderError> {
+        let device = gpu.info().clone();
+        let renderer = Renderer::new(gpu)?;
+        let inbox = Inbox {
+            viewers: HashMap::new(),
+            stills: VecDeque::new(),
+            next_viewer: 1,
+            version: 0,
+            closing: false,
+        };
+        let shared = Arc::new(Shared {
+            inbox: Mutex::new(inbox),
+            wake: Condvar::new(),
+            volumes: Mutex::new(renderer.volumes().clone()),
+        });
+        let worker = worker::Worker::new(renderer, shared.clone());
+        let thread = std::thread::Builder::new()
+            .name("render".into())
+            .spawn(move || worker.run())
+            .map_err(|error| RenderError::Gpu(format!("no thread for the GPU: {error}")))?;
+        Ok(Self { shared, device, max_waiting_stills, thread: Mutex::new(Some(thread)) })
+    }
+
+    /// What renders.
+    pub fn device(&self) -> &DeviceInfo {
+        &self.device
+    }
+
+    /// Volume textures; uploading ahead of time keeps it off the render thread.
+    pub fn volumes(&self) -> Arc<VolumeCache> {
+        self.shared.volumes.lock().clone()
+    }
+
+    /// Adds a viewer; its frames come through `outputs`, which should hold
+    /// [`MAX_WAITING_OUTPUTS`].
+    pub fn add_viewer(&self, snapshot: Arc<Snapshot>, outputs: mpsc::Sender<Output>) -> ViewerId {
+        let mut inbox = self.shared.inbox.lock();
+        let id = ViewerId(inbox.next_viewer);
+        inbox.next_viewer += 1;
+        let input = ViewerInput {
+            snapshot,
+            viewport: None,
+            visible: true,
+            seq: 0,
+            arrived: Instant::now(),
+            acknowledged: 0,
+            link: Link::default(),
+            outputs,
+        };
+        inbox.viewers.insert(id, input);
+        self.notify(inbox);
+        id
+    }
+
+    /// Changes a viewer's newest input.
+    pub fn update(&self, id: ViewerId, change: impl FnOnce(&mut ViewerInput)) {
+        let mut inbox = self.shared.inbox.lock();
+        if let Some(input) = inbox.viewers.get_mut(&id) {
+            change(input);
+        }
+        self.notify(inbox);
+    }
+
+    /// Forgets a viewer.
+    pub fn remove_viewer(&self, id: ViewerId) {
+        let mut inbox = self.shared.inbox.lock();
+        inbox.viewers.remove(&id);
+        self.notify(inbox);
+    }
+
+    /// Draws a still beside the viewers, complete to `target`.
+    ///
+    /// # Errors
+    /// Too many are waiting (503), it takes longer than `patience` (504), the GPU refuses.
+    pub async fn still(
+        &self,
+        snapshot: Arc<Snapshot>,
+        target: Target,
+        radiance: bool,
+        patience: Duration,
+    ) -> Answer<Still> {
+        let (reply, answer) = oneshot::channel();
+        let deadline = Instant::now() + patience;
+        {
+            let mut inbox = self.shared.inbox.lock();
+            // Whoever hung up makes room.
+            inbox.stills.retain(|job| !job.reply.is_closed());
+            if inbox.stills.len() >= self.max_waiting_stills {
+                let most = self.max_waiting_stills;
+                return Err(Fault::busy(format!("{most} pictures are waiting to be drawn; try again shortly.")));
+            }
+            inbox.stills.push_back(StillJob { snapshot, target, radiance, deadline, reply });
+            self.notify(inbox);
+        }
+        let too_slow = || {
+            Fault::too_slow(format!(
+                "The picture was not finished within {} seconds; ask for a smaller one or fewer `sampling.samples_per_pixel`.",
+                patience.as_secs()
+            ))
+        };
+        match tokio::time::timeout(patience, answer).await {
+            Ok(Ok(Ok(still))) => Ok(still),
+            Ok(Ok(Err(error))) => Err(render_fault(error)),
+            // The thread drops the reply when the deadline passes or the service stops.
+            Ok(Err(_)) | Err(_) => Err(too_slow()),
+        }
+    }
+
+    /// Ends the thread after its present slice and waits for it. Blocks.
+    pub fn stop(&self) {
+        let mut inbox = self.shared.inbox.lock();
+        inbox.closing = true;
+        self.notify(inbox);
+        let thread = self.thread.lock().take();
+        if thread.is_some_and(|thread| thread.join().is_err()) {
+            tracing::error!("the render thread had panicked");
+        }
+    }
+
+    fn notify(&self, mut inbox: parking_lot::MutexGuard<'_, Inbox>) {
+        inbox.version += 1;
+        drop(inbox);
+        self.shared.wake.notify_one();
+    }
+}
+
+impl Drop for RenderThread {
+    fn drop(&mut self) {
+        self.stop();
+    }
+}
+
+/// A failure of the renderer as an answer to a request.
+pub fn render_fault(error: RenderError) -> Fault {
+    match error {
+        RenderError::NotBuilt(field) => field.into(),
+        RenderError::TooLarge { .. } => Fault::invalid("", error.to_string()),
+        RenderError::OutOfMemory { .. } => Fault::busy(error.to_string()),
+        _ => Fault::internal("drawing", &error),
+    }
+}

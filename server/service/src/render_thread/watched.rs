@@ -1,0 +1,430 @@
+//! One viewer as the render thread sees it: what it asked for, what it was shown, what is next.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use proto::frame::{FLAG_FINAL, FLAG_MOVING, FRAME_HEADER_BYTES, FRAME_MAGIC, FrameHeader};
+use proto::plan::{FrameReport, StageTime};
+use render::{DrawRequest, Drawn, Picture, RenderError, Renderer, View};
+use scene::Snapshot;
+use scene::plan::{Caches, FilmPlan, FilmState, Plan, Target};
+use tokio::sync::mpsc::error::TrySendError;
+
+use super::pace::{Moving, Pace};
+use super::{Encoding, FinishedFrame, MAX_FRAMES_IN_FLIGHT, Output, ViewerInput};
+
+/// Without a visible change for this long, a viewer is at rest.
+const REST_DELAY: Duration = Duration::from_millis(150);
+/// Shortest time between the starts of two moving pictures.
+const FRAME_INTERVAL: Duration = Duration::from_millis(33);
+/// Time a moving picture may take.
+const MOVING_TIME: Duration = Duration::from_millis(26);
+/// The same on a software device.
+const MOVING_TIME_SOFTWARE: Duration = Duration::from_millis(120);
+/// A moving picture that takes this many times its time is given up for a smaller one.
+const PATIENCE: f64 = 1.5;
+/// Shortest time between two refining pictures.
+const REFINE_INTERVAL: Duration = Duration::from_millis(400);
+/// If the final picture will be there within this time, the first full one is not sent.
+const SOON: Duration = Duration::from_millis(80);
+
+/// A viewer on the render thread.
+pub(super) struct Watched {
+    view: View,
+    pace: Pace,
+    moving_time: Duration,
+    input: ViewerInput,
+    /// When the newest visible change arrived.
+    changed: Instant,
+    /// What the view's film holds.
+    film: Option<Film>,
+    /// What the newest frame shows.
+    shown: Option<Shown>,
+    drawing: Option<Drawing>,
+    /// The snapshot and viewport that could not be drawn; not tried again.
+    failed: Option<(Arc<Snapshot>, Option<(u32, u32)>)>,
+    /// Number of the newest frame.
+    frame: u32,
+    /// When the newest moving picture was begun.
+    moving_began: Option<Instant>,
+    /// GPU time used, for fairness.
+    pub(super) used: Duration,
+}
+
+struct Film {
+    snapshot: Arc<Snapshot>,
+    /// The viewport it was drawn for: it has its proportions.
+    viewport: (u32, u32),
+    held: Target,
+}
+
+struct Shown {
+    snapshot: Arc<Snapshot>,
+    viewport: (u32, u32),
+    /// Full resolution, this many samples; 0 for a reduced picture.
+    samples_at_full_size: u32,
+    is_final: bool,
+    sent: Instant,
+}
+
+/// A picture under way.
+struct Drawing {
+    kind: Kind,
+    snapshot: Arc<Snapshot>,
+    viewport: (u32, u32),
+    target: Target,
+    seq: u32,
+    arrived: Instant,
+    began: Instant,
+    spent: Duration,
+    /// What was done since the last frame.
+    report: Option<FrameReport>,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Moving(u8),
+    Still,
+}
+
+/// What a viewer needs of the GPU.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Need {
+    /// Nothing until its input changes.
+    Nothing,
+    /// Nothing until then.
+    Until(Instant),
+    /// A picture while it moves.
+    Moving,
+    /// Refinement at rest.
+    Still,
+}
+
+impl Watched {
+    pub(super) fn new(input: ViewerInput, software: bool) -> Self {
+        Self {
+            view: View::new(),
+            pace: Pace::new(software),
+            moving_time: if software { MOVING_TIME_SOFTWARE } else { MOVING_TIME },
+            changed: input.arrived,
+            input,
+            film: None,
+            shown: None,
+            drawing: None,
+            failed: None,
+            frame: 0,
+            moving_began: None,
+            used: Duration::ZERO,
+        }
+    }
+
+    /// Takes over the newest input. A change that cannot be seen is answered with a report.
+    pub(super) fn take(&mut self, input: &ViewerInput) {
+        let old = std::mem::replace(&mut self.input, input.clone());
+        let same_viewport = old.viewport == input.viewport;
+        if same_viewport && Arc::ptr_eq(&old.snapshot, &input.snapshot) {
+            return;
+        }
+        if same_viewport && let Some(plan) = self.invisible_change(&input.snapshot) {
+            self.adopt(&old.snapshot);
+            let report = FrameReport { changes: plan.changes.clone(), plan: plan.report(), ..FrameReport::default() };
+            self.send(Output::Unchanged { frame: self.frame, report: Box::new(report) });
+            return;
+        }
+        self.changed = Instant::now();
+        self.failed = None;
+        // A picture at rest of what is no longer wanted ends here; a moving one is finished, so
+        // that a steady stream of inputs shows progress.
+        if self.drawing.as_ref().is_some_and(|drawing| drawing.kind == Kind::Still) {
+            self.drawing = None;
+        }
+    }
+
+    /// The plan for a snapshot that looks like the one on the film, `None` if it looks different.
+    fn invisible_change(&self, snapshot: &Arc<Snapshot>) -> Option<Plan> {
+        let film = self.film.as_ref().filter(|film| Some(film.viewport) == self.input.viewport)?;
+        let plan = self.plan_on_film(film, snapshot);
+        plan.is_empty().then_some(plan)
+    }
+
+    fn plan_on_film(&self, film: &Film, snapshot: &Arc<Snapshot>) -> Plan {
+        let old = Some(&film.snapshot.scene);
+        let state = Some(FilmState { scene: &film.snapshot.scene, held: film.held });
+        let caches = Caches {
+            volume: old,
+            transfer_function: old,
+            distance_map: old,
+            lights: old,
+            film: state,
+            picture: state,
+        };
+        Plan::new(&caches, &snapshot.scene, film.held)
+    }
+
+    /// What was drawn of `old` is as good for the newest snapshot.
+    fn adopt(&mut self, old: &Arc<Snapshot>) {
+        let new = &self.input.snapshot;
+        let shown = self.shown.as_mut().map(|shown| &mut shown.snapshot);
+        let drawing = self.drawing.as_mut().map(|drawing| &mut drawing.snapshot);
+        for held in shown.into_iter().chain(drawing) {
+            if Arc::ptr_eq(held, old) {
+                *held = new.clone();
+            }
+        }
+    }
+
+    /// What is to be done now.
+    pub(super) fn need(&self, now: Instant) -> Need {
+        let in_flight = self.frame - self.input.acknowledged.min(self.frame);
+        let Some(viewport) = self.input.viewport.filter(|_| self.input.visible) else {
+            return Need::Nothing;
+        };
+        if in_flight >= MAX_FRAMES_IN_FLIGHT || self.has_failed() {
+            return Need::Nothing;
+        }
+        if self.drawing.as_ref().is_some_and(|drawing| drawing.kind != Kind::Still) {
+            return Need::Moving;
+        }
+        let shown = self.shown.as_ref().filter(|shown| {
+            shown.viewport == viewport && Arc::ptr_eq(&shown.snapshot, &self.input.snapshot)
+        });
+        match shown {
+            None => match self.moving_began.map(|began| began + FRAME_INTERVAL) {
+                Some(earliest) if now < earliest => Need::Until(earliest),
+                _ => Need::Moving,
+            },
+            Some(shown) if shown.is_final => Need::Nothing,
+            Some(_) if now < self.changed + REST_DELAY => Need::Until(self.changed + REST_DELAY),
+            Some(_) => Need::Still,
+        }
+    }
+
+    fn has_failed(&self) -> bool {
+        self.failed.as_ref().is_some_and(|(snapshot, viewport)| {
+            Arc::ptr_eq(snapshot, &self.input.snapshot) && *viewport == self.input.viewport
+        })
+    }
+
+    /// Works on the present picture for one slice; `sharers` viewers are moving at once.
+    pub(super) fn advance(
+        &mut self,
+        renderer: &mut Renderer,
+        need: Need,
+        slice: Duration,
+        sharers: u32,
+    ) -> Result<(), RenderError> {
+        let began = Instant::now();
+        let time = self.moving_time / sharers.max(1);
+        if self.drawing.is_none() {
+            self.drawing = self.begin(need, time);
+        }
+        let Some(drawing) = &mut self.drawing else { return Ok(()) };
+        let (snapshot, target) = (drawing.snapshot.clone(), drawing.target);
+        let request = DrawRequest { snapshot: &snapshot, target, budget: Some(slice) };
+        let drawn = renderer.draw(&mut self.view, &request)?;
+        accumulate(&mut drawing.report, &drawn);
+        self.film = Some(Film {
+            snapshot,
+            viewport: drawing.viewport,
+            held: Target { samples_per_pixel: drawn.samples_per_pixel, ..target },
+        });
+        drawing.spent += began.elapsed();
+        let result = match drawing.kind {
+            Kind::Moving(quality) if drawn.complete => self.finish_moving(renderer, quality, began),
+            Kind::Moving(_) => {
+                self.give_up_if_too_slow(time);
+                Ok(())
+            }
+            Kind::Still => self.show_still(renderer, &drawn),
+        };
+        self.used += began.elapsed();
+        result
+    }
+
+    fn begin(&mut self, need: Need, time: Duration) -> Option<Drawing> {
+        let viewport = self.input.viewport?;
+        let (kind, target) = match need {
+            Need::Moving => {
+                self.moving_began = Some(Instant::now());
+                let Moving { width, height, quality } = self.pace.next(viewport, time, self.input.link);
+                // If the film already holds what is asked for, a tone-mapping edit say, it is used.
+                let reusable = self.film.as_ref().filter(|film| {
+                    film.held.samples_per_pixel > 0
+                        && film.viewport == viewport
+                        && self.plan_on_film(film, &self.input.snapshot).film != FilmPlan::Restart
+                });
+                let fresh = Target { width, height, samples_per_pixel: 1 };
+                (Kind::Moving(quality), reusable.map_or(fresh, |film| film.held))
+            }
+            Need::Still => {
+                let samples_per_pixel = self.input.snapshot.scene.sampling.samples_per_pixel;
+                (Kind::Still, Target { width: viewport.0, height: viewport.1, samples_per_pixel })
+            }
+            Need::Nothing | Need::Until(_) => return None,
+        };
+        Some(Drawing {
+            kind,
+            snapshot: self.input.snapshot.clone(),
+            viewport,
+            target,
+            seq: self.input.seq,
+            arrived: self.input.arrived,
+            began: Instant::now(),
+            spent: Duration::ZERO,
+            report: None,
+        })
+    }
+
+    fn finish_moving(&mut self, renderer: &mut Renderer, quality: u8, slice_began: Instant) -> Result<(), RenderError> {
+        let before = slice_began.elapsed();
+        let picture = renderer.picture(&mut self.view)?;
+        let Some(mut drawing) = self.drawing.take() else { return Ok(()) };
+        drawing.spent += slice_began.elapsed().saturating_sub(before);
+        let cast_rays = drawing.report.as_ref().is_some_and(|report| {
+            report.plan.iter().any(|pass| pass.runs && pass.pass == scene::plan::Pass::RayCast.name())
+        });
+        if cast_rays {
+            let pixels = u64::from(drawing.target.width) * u64::from(drawing.target.height);
+            self.pace.measured(pixels, drawing.spent);
+        }
+        self.show(drawing, picture, Encoding::Moving(quality));
+        Ok(())
+    }
+
+    /// A picture that takes too long is begun again smaller, if there is a smaller size.
+    fn give_up_if_too_slow(&mut self, time: Duration) {
+        let Some(drawing) = &self.drawing else { return };
+        if drawing.spent > time.mul_f64(PATIENCE) {
+            let pixels = u64::from(drawing.target.width) * u64::from(drawing.target.height);
+            if self.pace.too_slow(pixels, drawing.spent) {
+                self.drawing = None;
+            }
+        }
+    }
+
+    /// Sends the film at rest when it is complete, or when there is something new worth seeing.
+    fn show_still(&mut self, renderer: &mut Renderer, drawn: &Drawn) -> Result<(), RenderError> {
+        let Some(drawing) = &self.drawing else { return Ok(()) };
+        if drawn.complete {
+            let picture = renderer.picture(&mut self.view)?;
+            if let Some(drawing) = self.drawing.take() {
+                self.show(drawing, picture, Encoding::Lossless);
+            }
+            return Ok(());
+        }
+        let samples = drawn.samples_per_pixel;
+        let shown_samples = self.shown.as_ref().map_or(0, |shown| shown.samples_at_full_size);
+        let missing = drawing.target.samples_per_pixel.saturating_sub(samples);
+        let left = drawing.spent.mul_f64(f64::from(missing) / f64::from(samples.max(1)));
+        let waited = self.shown.as_ref().is_none_or(|shown| shown.sent.elapsed() >= REFINE_INTERVAL);
+        if samples > shown_samples && (shown_samples == 0 || waited) && left > SOON {
+            let picture = renderer.picture(&mut self.view)?;
+            let Some(drawing) = &mut self.drawing else { return Ok(()) };
+            let shown = Drawing {
+                report: drawing.report.take(),
+                snapshot: drawing.snapshot.clone(),
+                ..*drawing
+            };
+            self.show(shown, picture, Encoding::Refining);
+        }
+        Ok(())
+    }
+
+    /// Hands a picture to the viewer's encoder.
+    fn show(&mut self, drawing: Drawing, picture: Picture, encoding: Encoding) {
+        self.frame += 1;
+        let samples = self.film.as_ref().map_or(0, |film| film.held.samples_per_pixel);
+        let is_final = encoding == Encoding::Lossless;
+        let full_size = (picture.width, picture.height) == drawing.viewport;
+        let epoch = drawing.snapshot.epoch;
+        let flags = match encoding {
+            Encoding::Moving(_) => FLAG_MOVING,
+            Encoding::Refining => 0,
+            Encoding::Lossless => FLAG_FINAL,
+        };
+        let header = FrameHeader {
+            magic: FRAME_MAGIC,
+            header_bytes: FRAME_HEADER_BYTES as u16,
+            format: 0,
+            flags,
+            frame: self.frame,
+            seq: drawing.seq,
+            snapshot_epoch: epoch,
+            illumination_epoch: epoch,
+            illumination_completeness: 1.0,
+            samples_per_pixel: samples,
+            error_estimate: f32::NAN,
+            width: edge(picture.width),
+            height: edge(picture.height),
+            viewport_width: edge(drawing.viewport.0),
+            viewport_height: edge(drawing.viewport.1),
+            quality: 0,
+            queue_micros: micros(drawing.began.saturating_duration_since(drawing.arrived)),
+            render_micros: micros(drawing.spent),
+            encode_micros: 0,
+            payload_bytes: 0,
+        };
+        self.shown = Some(Shown {
+            snapshot: drawing.snapshot,
+            viewport: drawing.viewport,
+            samples_at_full_size: if full_size && !matches!(encoding, Encoding::Moving(_)) { samples } else { 0 },
+            is_final,
+            sent: Instant::now(),
+        });
+        let report = drawing.report.unwrap_or_default();
+        self.send(Output::Frame(Box::new(FinishedFrame { picture, encoding, header, report })));
+    }
+
+    /// The present picture cannot be drawn: says so once, and waits for another.
+    pub(super) fn fail(&mut self, error: &RenderError) {
+        self.drawing = None;
+        self.failed = Some((self.input.snapshot.clone(), self.input.viewport));
+        self.send(Output::Failed(error.to_string()));
+    }
+
+    /// The device was replaced: everything it held is gone.
+    pub(super) fn forget(&mut self) {
+        self.view = View::new();
+        self.film = None;
+        self.drawing = None;
+        self.shown = None;
+        self.failed = None;
+    }
+
+    fn send(&self, output: Output) {
+        let is_frame = matches!(output, Output::Frame(_));
+        match self.input.outputs.try_send(output) {
+            // The connection is going away; its slot follows.
+            Ok(()) | Err(TrySendError::Closed(_)) => {}
+            Err(TrySendError::Full(_)) if !is_frame => {}
+            Err(TrySendError::Full(_)) => tracing::error!("a viewer's frames exceed those in flight"),
+        }
+    }
+}
+
+/// Adds a slice to the report of the frame it belongs to.
+fn accumulate(report: &mut Option<FrameReport>, drawn: &Drawn) {
+    let slice = drawn.report();
+    let Some(report) = report else {
+        *report = Some(slice);
+        return;
+    };
+    for StageTime { stage, millis } in slice.stages {
+        match report.stages.iter_mut().find(|known| known.stage == stage) {
+            Some(known) => known.millis += millis,
+            None => report.stages.push(StageTime { stage, millis }),
+        }
+    }
+    for (name, count) in slice.counters {
+        *report.counters.entry(name).or_default() += count;
+    }
+    report.gpu_bytes = slice.gpu_bytes;
+}
+
+fn edge(pixels: u32) -> u16 {
+    u16::try_from(pixels).unwrap_or(u16::MAX)
+}
+
+fn micros(time: Duration) -> u32 {
+    u32::try_from(time.as_micros()).unwrap_or(u32::MAX)
+}

@@ -1,0 +1,530 @@
+//! Sessions: scenes that are explored, each with its viewers.
+//!
+//! The scene file is the truth; the checked scene and the snapshots follow from it. An edit is
+//! applied whole or not at all. Everything here computes for a moment under the session's lock and
+//! is called where blocking is allowed, never on the async threads.
+
+pub mod routes;
+
+use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use parking_lot::Mutex;
+use proto::control::ServerMessage;
+use proto::scene_file::{Camera, SceneFile};
+use proto::{FieldError, rest};
+use scene::{PreparedVolume, Scene, Snapshot};
+use serde_json::Value;
+use tokio::sync::{mpsc, watch};
+use tokio_util::sync::CancellationToken;
+
+use crate::App;
+use crate::datasets::storage::random_hex;
+use crate::datasets::volumes::Key;
+use crate::problem::{Answer, Fault};
+use crate::render_thread::{Output, ViewerId};
+
+/// Random bytes of a session's identifier: whoever knows it may use the session.
+const ID_BYTES: usize = 16;
+/// How often an edit is tried again because its volume went from memory in between.
+const MAX_LOADS_PER_EDIT: usize = 3;
+
+/// A scene and its viewers.
+pub struct Session {
+    /// Identifier, hard to guess.
+    pub id: String,
+    created_unix_millis: u64,
+    state: Mutex<State>,
+    /// The epoch, for whoever waits for changes.
+    epoch: watch::Sender<u32>,
+    /// Cancelled when the session is deleted.
+    pub ended: CancellationToken,
+}
+
+struct State {
+    /// The truth, camera filled in.
+    file: SceneFile,
+    /// What the volume was loaded from.
+    key: Key,
+    scene: Scene,
+    epoch: u32,
+    viewers: BTreeMap<u32, Viewer>,
+    next_viewer: u32,
+    /// When the last viewer left, or the session was last used without one.
+    idle_since: Instant,
+}
+
+/// A connection, as the session knows it.
+struct Viewer {
+    render: ViewerId,
+    camera: Camera,
+    /// Input that set the camera.
+    camera_seq: u32,
+    /// Newest input that was dealt with.
+    done_seq: u32,
+    /// First edit that waits for its volume.
+    waiting_from: Option<u32>,
+}
+
+/// An edit of the scene as a whole.
+#[derive(Debug, Clone)]
+pub enum Edit {
+    /// JSON merge patch (RFC 7396).
+    Patch(Value),
+    /// Replaces the scene.
+    Replace(Value),
+}
+
+/// Why an edit was not applied.
+enum Refusal {
+    Field(FieldError),
+    /// Its volume has to be loaded first.
+    Needs(Key),
+}
+
+impl From<FieldError> for Refusal {
+    fn from(error: FieldError) -> Self {
+        Refusal::Field(error)
+    }
+}
+
+/// What became of a viewer's patches.
+#[derive(Default)]
+pub struct Patched {
+    /// Those that were refused.
+    pub rejected: Vec<(u32, FieldError)>,
+    /// The volume that the last so many patches wait for.
+    pub waiting: Option<(Key, usize)>,
+}
+
+/// A scene that passed every check.
+struct Checked {
+    file: SceneFile,
+    key: Key,
+    scene: Scene,
+}
+
+impl Session {
+    /// What REST tells about it.
+    pub fn describe(&self) -> rest::Session {
+        let state = self.state.lock();
+        rest::Session {
+            id: self.id.clone(),
+            epoch: state.epoch,
+            viewers: state.viewers.len() as u32,
+            created_unix_millis: self.created_unix_millis,
+            scene: state.file.clone(),
+        }
+    }
+
+    /// The newest snapshot, with the session's camera.
+    pub fn snapshot(&self) -> Arc<Snapshot> {
+        let mut state = self.state.lock();
+        state.idle_since = Instant::now();
+        Arc::new(Snapshot { epoch: state.epoch, scene: state.scene.clone() })
+    }
+
+    /// The newest scene file.
+    pub fn scene_file(&self) -> SceneFile {
+        self.state.lock().file.clone()
+    }
+
+    /// Told of every new epoch.
+    pub fn epochs(&self) -> watch::Receiver<u32> {
+        self.epoch.subscribe()
+    }
+
+    /// Edits the scene on behalf of a request; a volume it names is loaded first.
+    ///
+    /// # Errors
+    /// The field at fault, or the volume cannot be loaded. The scene is unchanged then.
+    pub async fn edit(self: &Arc<Self>, app: &Arc<App>, edit: Edit) -> Answer<()> {
+        let mut loaded = None;
+        for _ in 0..MAX_LOADS_PER_EDIT {
+            let (session, shared, edit) = (self.clone(), app.clone(), edit.clone());
+            let apply = move || session.try_edit(&shared, &edit);
+            match crate::blocking("editing a scene", apply).await? {
+                Ok(()) => return Ok(()),
+                Err(Refusal::Field(error)) => return Err(error.into()),
+                // Held until the edit is applied, so that it stays in memory.
+                Err(Refusal::Needs(key)) => loaded = Some(app.volumes().load(&key, |_| {}).await?),
+            }
+        }
+        drop(loaded);
+        Err(Fault::busy("The volume was dropped from memory again and again; try again shortly."))
+    }
+
+    fn try_edit(&self, app: &App, edit: &Edit) -> Result<(), Refusal> {
+        let mut state = self.state.lock();
+        let value = match edit {
+            Edit::Replace(value) => value.clone(),
+            Edit::Patch(patch) => merged(&state.file, [patch])?,
+        };
+        let checked = check(app, Some(&state), value)?;
+        self.commit(app, &mut state, checked);
+        Ok(())
+    }
+
+    /// Applies a viewer's patches in order, together where they fit together.
+    pub fn patch(&self, app: &App, number: u32, patches: &[(u32, Value)], arrived: Instant) -> Patched {
+        let mut outcome = Patched::default();
+        let mut state = self.state.lock();
+        let all = (0, patches.len());
+        let one_by_one = (0..patches.len()).map(|index| (index, index + 1));
+        // All at once: a burst costs one check and one epoch. If that fails, each on its own, so
+        // that only those at fault are refused.
+        for (first, end) in std::iter::once(all).chain(one_by_one) {
+            let group = &patches[first..end];
+            match self.patch_group(app, &mut state, number, group) {
+                Ok(()) if group.len() == patches.len() => break,
+                Ok(()) => {}
+                Err(Refusal::Needs(key)) => {
+                    outcome.waiting = Some((key, patches.len() - first));
+                    break;
+                }
+                Err(Refusal::Field(_)) if group.len() > 1 => {}
+                Err(Refusal::Field(error)) => {
+                    outcome.rejected.push((group[0].0, error));
+                    if patches.len() == 1 {
+                        break;
+                    }
+                }
+            }
+        }
+        let newest = patches.last().map_or(0, |(seq, _)| *seq);
+        if let Some(viewer) = state.viewers.get_mut(&number) {
+            let waiting = outcome.waiting.as_ref().map_or(0, |(_, count)| *count);
+            viewer.waiting_from = patches.get(patches.len() - waiting).map(|(seq, _)| *seq);
+            viewer.done_seq = viewer.done_seq.max(newest);
+            app.renderer().update(viewer.render, |input| {
+                input.seq = input.seq.max(viewer.waiting_from.map_or(newest, |seq| seq.saturating_sub(1)));
+                input.arrived = arrived;
+            });
+        }
+        outcome
+    }
+
+    fn patch_group(
+        &self,
+        app: &App,
+        state: &mut State,
+        number: u32,
+        patches: &[(u32, Value)],
+    ) -> Result<(), Refusal> {
+        let viewer = state.viewers.get(&number);
+        let camera_seq = viewer.map_or(0, |viewer| viewer.camera_seq);
+        // A camera that the viewer moved after it sent the patch is not moved back.
+        let current = patches.iter().map(|(seq, patch)| match patch {
+            Value::Object(fields) if fields.contains_key("camera") && *seq < camera_seq => {
+                let mut fields = fields.clone();
+                fields.remove("camera");
+                (false, Value::Object(fields))
+            }
+            patch => (patch.get("camera").is_some(), patch.clone()),
+        });
+        let current: Vec<(bool, Value)> = current.collect();
+        let moves_camera = current.iter().any(|(moves, _)| *moves);
+        let mut base = state.file.clone();
+        if let Some(viewer) = viewer.filter(|_| moves_camera) {
+            base.camera = Some(viewer.camera.clone());
+        }
+        let value = merged(&base, current.iter().map(|(_, patch)| patch))?;
+        let checked = check(app, Some(state), value)?;
+        if let (true, Some(viewer), Some(camera)) =
+            (moves_camera, state.viewers.get_mut(&number), &checked.file.camera)
+        {
+            viewer.camera = camera.clone();
+            viewer.camera_seq = patches.last().map_or(viewer.camera_seq, |(seq, _)| *seq);
+        }
+        self.commit(app, state, checked);
+        Ok(())
+    }
+
+    /// Makes a checked scene the newest and shows it to every viewer.
+    fn commit(&self, app: &App, state: &mut State, checked: Checked) {
+        let Checked { file, key, scene } = checked;
+        state.file = file;
+        state.key = key;
+        state.scene = scene;
+        state.epoch = state.epoch.saturating_add(1);
+        state.idle_since = Instant::now();
+        for viewer in state.viewers.values() {
+            let snapshot = viewer_snapshot(state, viewer);
+            app.renderer().update(viewer.render, |input| {
+                input.snapshot = snapshot;
+                input.arrived = Instant::now();
+            });
+        }
+        self.epoch.send_replace(state.epoch);
+    }
+
+    /// Moves a viewer's camera, and the session's with it; the others see nothing of it.
+    ///
+    /// # Errors
+    /// The field at fault.
+    pub fn move_camera(
+        &self,
+        app: &App,
+        number: u32,
+        seq: u32,
+        camera: Camera,
+        arrived: Instant,
+    ) -> Result<(), FieldError> {
+        // Checked as part of a scene: there is one set of rules.
+        let mut probe = SceneFile::new(Default::default());
+        probe.volume.builtin = Some(proto::scene_file::Builtin::Homogeneous);
+        probe.camera = Some(camera.clone());
+        probe.validate()?;
+        let mut state = self.state.lock();
+        state.file.camera = Some(camera.clone());
+        state.scene.camera = scene::Camera::from_file(&camera);
+        let Some(viewer) = state.viewers.get_mut(&number) else { return Ok(()) };
+        viewer.camera = camera;
+        viewer.camera_seq = seq;
+        viewer.done_seq = viewer.done_seq.max(seq);
+        let render = viewer.render;
+        let snapshot = Arc::new(Snapshot { epoch: state.epoch, scene: state.scene.clone() });
+        app.renderer().update(render, |input| {
+            input.snapshot = snapshot;
+            input.seq = input.seq.max(seq);
+            input.arrived = arrived;
+        });
+        Ok(())
+    }
+
+    /// Adds a viewer; its frames come through `outputs`. It starts with the session's camera.
+    pub fn join(self: &Arc<Self>, app: &Arc<App>, outputs: mpsc::Sender<Output>) -> Member {
+        let mut state = self.state.lock();
+        let number = state.next_viewer;
+        state.next_viewer += 1;
+        let snapshot = Arc::new(Snapshot { epoch: state.epoch, scene: state.scene.clone() });
+        let render = app.renderer().add_viewer(snapshot, outputs);
+        let viewer = Viewer {
+            render,
+            camera: filled_camera(&state.file, &state.scene),
+            camera_seq: 0,
+            done_seq: 0,
+            waiting_from: None,
+        };
+        state.viewers.insert(number, viewer);
+        Member { session: self.clone(), app: app.clone(), number, render }
+    }
+
+    /// The first message to a viewer.
+    pub fn welcome(&self, app: &App, number: u32) -> ServerMessage {
+        let state = self.state.lock();
+        ServerMessage::Welcome {
+            protocol: proto::control::PROTOCOL_VERSION,
+            session: self.id.clone(),
+            viewer: number,
+            epoch: state.epoch,
+            scene: Box::new(state.file.clone()),
+            dataset: app.describe_volume(&state.key, &state.scene.volume),
+            device: app.renderer().device().clone(),
+        }
+    }
+
+    /// The newest scene as a viewer sees it.
+    pub fn scene_message(&self, number: u32) -> ServerMessage {
+        let state = self.state.lock();
+        let viewer = state.viewers.get(&number);
+        let mut scene = state.file.clone();
+        let mut seq = 0;
+        if let Some(viewer) = viewer {
+            scene.camera = Some(viewer.camera.clone());
+            // Inputs from a waiting edit on are not part of the scene yet.
+            seq = viewer.waiting_from.map_or(viewer.done_seq, |seq| seq.saturating_sub(1));
+        }
+        ServerMessage::Scene { epoch: state.epoch, seq, scene: Box::new(scene) }
+    }
+
+    /// How long nobody has used it; `None` while it has viewers.
+    fn idle(&self, now: Instant) -> Option<Duration> {
+        let state = self.state.lock();
+        state.viewers.is_empty().then(|| now.saturating_duration_since(state.idle_since))
+    }
+}
+
+/// A viewer's place in a session; leaves it when dropped.
+pub struct Member {
+    /// The session.
+    pub session: Arc<Session>,
+    app: Arc<App>,
+    /// Number within the session.
+    pub number: u32,
+    /// Identifier on the render thread.
+    pub render: ViewerId,
+}
+
+impl Drop for Member {
+    fn drop(&mut self) {
+        self.app.renderer().remove_viewer(self.render);
+        let mut state = self.session.state.lock();
+        state.viewers.remove(&self.number);
+        state.idle_since = Instant::now();
+    }
+}
+
+fn viewer_snapshot(state: &State, viewer: &Viewer) -> Arc<Snapshot> {
+    let mut scene = state.scene.clone();
+    scene.camera = scene::Camera::from_file(&viewer.camera);
+    Arc::new(Snapshot { epoch: state.epoch, scene })
+}
+
+fn filled_camera(file: &SceneFile, scene: &Scene) -> Camera {
+    let anatomical = scene.volume.volume.orientation.is_some();
+    file.camera.clone().unwrap_or_else(|| scene::Camera::default_file(anatomical))
+}
+
+/// A scene file with merge patches applied, not yet checked.
+fn merged<'p>(file: &SceneFile, patches: impl IntoIterator<Item = &'p Value>) -> Result<Value, FieldError> {
+    let mut value =
+        serde_json::to_value(file).map_err(|error| FieldError::new("", error.to_string()))?;
+    for patch in patches {
+        if !patch.is_object() {
+            return Err(FieldError::new("", "a merge patch must be a JSON object"));
+        }
+        json_patch::merge(&mut value, patch);
+    }
+    Ok(value)
+}
+
+/// Decodes and checks a scene against its volume, which must be in memory.
+fn check(app: &App, state: Option<&State>, value: Value) -> Result<Checked, Refusal> {
+    let file = SceneFile::from_value(value)?;
+    let key = app.volumes().key(&file.volume)?;
+    let volume = match state {
+        Some(state) if state.key == key => state.scene.volume.clone(),
+        _ => {
+            let volume = app.volumes().ready(&key).ok_or_else(|| Refusal::Needs(key.clone()))?;
+            app.upload(&volume).map_err(|fault| fault.as_field_error())?;
+            volume
+        }
+    };
+    check_with(file, key, volume).map_err(Refusal::Field)
+}
+
+fn check_with(mut file: SceneFile, key: Key, volume: Arc<PreparedVolume>) -> Result<Checked, FieldError> {
+    let scene = Scene::new(&file, volume)?;
+    render::check(&scene)?;
+    file.camera = Some(filled_camera(&file, &scene));
+    Ok(Checked { file, key, scene })
+}
+
+/// Every session.
+pub struct Sessions {
+    by_id: Mutex<HashMap<String, Arc<Session>>>,
+    most: usize,
+    idle_bound: Duration,
+}
+
+impl Sessions {
+    /// None yet.
+    pub fn new(most: usize, idle_bound: Duration) -> Self {
+        Self { by_id: Mutex::default(), most, idle_bound }
+    }
+
+    /// Opens a session; its volume is loaded first.
+    ///
+    /// # Errors
+    /// Too many sessions (503), the field at fault, or the volume cannot be loaded.
+    pub async fn create(&self, app: &Arc<App>, file: SceneFile) -> Answer<Arc<Session>> {
+        file.validate()?;
+        self.expire();
+        self.check_room()?;
+        let (volumes, source) = (app.volumes().clone(), file.volume.clone());
+        let key = crate::blocking("opening a session", move || volumes.key(&source)).await??;
+        let volume = app.volumes().load(&key, |_| {}).await?;
+        let shared = app.clone();
+        let checked = crate::blocking("opening a session", move || {
+            shared.upload(&volume)?;
+            check_with(file, key, volume).map_err(Fault::from)
+        })
+        .await??;
+        let Checked { file, key, scene } = checked;
+        let id = random_hex(ID_BYTES).map_err(|error| Fault::internal("opening a session", &error))?;
+        let session = Arc::new(Session {
+            id: id.clone(),
+            created_unix_millis: crate::unix_millis(),
+            state: Mutex::new(State {
+                file,
+                key,
+                scene,
+                epoch: 1,
+                viewers: BTreeMap::new(),
+                next_viewer: 1,
+                idle_since: Instant::now(),
+            }),
+            epoch: watch::Sender::new(1),
+            ended: CancellationToken::new(),
+        });
+        let mut sessions = self.by_id.lock();
+        if sessions.len() >= self.most {
+            drop(sessions);
+            return self.check_room().map(|()| session);
+        }
+        sessions.insert(id, session.clone());
+        Ok(session)
+    }
+
+    fn check_room(&self) -> Answer<()> {
+        if self.by_id.lock().len() < self.most {
+            return Ok(());
+        }
+        let most = self.most;
+        Err(Fault::busy(format!(
+            "There are {most} sessions, the most this service keeps (`limits.max_sessions`); delete one or wait."
+        )))
+    }
+
+    /// One session.
+    pub fn get(&self, id: &str) -> Option<Arc<Session>> {
+        self.by_id.lock().get(id).cloned()
+    }
+
+    /// Every session, oldest first.
+    pub fn list(&self) -> Vec<Arc<Session>> {
+        let mut sessions: Vec<_> = self.by_id.lock().values().cloned().collect();
+        sessions.sort_by_key(|session| session.created_unix_millis);
+        sessions
+    }
+
+    /// Number of sessions and of their viewers.
+    pub fn counts(&self) -> (u32, u32) {
+        let sessions = self.list();
+        let viewers = sessions.iter().map(|session| session.state.lock().viewers.len() as u32).sum();
+        (sessions.len() as u32, viewers)
+    }
+
+    /// Deletes a session; its viewers are told.
+    ///
+    /// # Errors
+    /// There is no such session.
+    pub fn delete(&self, id: &str) -> Answer<()> {
+        let session = self.by_id.lock().remove(id).ok_or_else(|| no_such_session(id))?;
+        session.ended.cancel();
+        Ok(())
+    }
+
+    /// Closes sessions that nobody has used for long.
+    pub fn expire(&self) {
+        let now = Instant::now();
+        let idle = |session: &Session| session.idle(now).is_some_and(|idle| idle >= self.idle_bound);
+        self.by_id.lock().retain(|_, session| {
+            let expired = idle(session);
+            if expired {
+                session.ended.cancel();
+            }
+            !expired
+        });
+    }
+}
+
+/// The answer to an unknown session.
+pub fn no_such_session(id: &str) -> Fault {
+    let shown: String = id.chars().take(64).collect();
+    Fault::not_found(format!(
+        "There is no session `{shown}`; it may have been closed after a time without viewers. POST /api/v1/sessions opens one."
+    ))
+}

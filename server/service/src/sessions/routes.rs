@@ -1,0 +1,240 @@
+//! `/api/v1/sessions` and `/api/v1/status`.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::Json as JsonAnswer;
+use axum::extract::{Path, Query, State};
+use axum::http::{HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use proto::rest::{CreateSession, Problem, Session as SessionDocument, Status};
+use proto::scene_file::{SceneFile, limits::MAX_IMAGE_EDGE};
+use scene::plan::Target;
+use serde::Deserialize;
+use serde_json::Value;
+
+use super::{Edit, Session, no_such_session};
+use crate::App;
+use crate::http::Json;
+use crate::problem::{Answer, Fault};
+use crate::render_thread::Still;
+
+/// Most pixels of a still: what a film of 16 bytes a pixel may have on every device.
+const MAX_STILL_PIXELS: u64 = 8 << 20;
+
+/// What the service is and how busy.
+#[utoipa::path(get, path = "/status", tag = "service", responses((status = OK, body = Status)))]
+pub async fn status(State(app): State<Arc<App>>) -> JsonAnswer<Status> {
+    let (sessions, viewers) = app.sessions().counts();
+    JsonAnswer(Status {
+        version: env!("CARGO_PKG_VERSION").into(),
+        device: app.renderer().device().clone(),
+        sessions,
+        viewers,
+        max_upload_bytes: app.config().limits.max_upload_bytes,
+        methods: render::METHODS_BUILT.iter().map(|method| method.name().to_owned()).collect(),
+    })
+}
+
+/// Lists sessions, oldest first.
+#[utoipa::path(get, path = "/sessions", tag = "sessions", responses((status = OK, body = Vec<SessionDocument>)))]
+pub async fn list(State(app): State<Arc<App>>) -> Answer<JsonAnswer<Vec<SessionDocument>>> {
+    crate::blocking("listing sessions", move || {
+        app.sessions().expire();
+        JsonAnswer(app.sessions().list().iter().map(|session| session.describe()).collect())
+    })
+    .await
+}
+
+/// Opens a session with a scene, or with a dataset in the scene that suits it.
+#[utoipa::path(
+    post, path = "/sessions", tag = "sessions", request_body = CreateSession,
+    responses(
+        (status = CREATED, body = SessionDocument),
+        (status = UNPROCESSABLE_ENTITY, body = Problem, content_type = "application/problem+json", description = "A field is not valid; `field` names it"),
+        (status = SERVICE_UNAVAILABLE, body = Problem, content_type = "application/problem+json", description = "Too many sessions, or no memory for the volume"),
+    )
+)]
+pub async fn create(State(app): State<Arc<App>>, Json(wish): Json<CreateSession>) -> Answer<Response> {
+    let own_scene = wish.scene.is_some();
+    let scene = match (wish.scene, wish.dataset) {
+        (Some(scene), None) => scene,
+        (None, Some(id)) => crate::datasets::routes::opening_scene(&app, &id).await.map_err(|mut fault| {
+            if fault.problem.status == 404 {
+                fault = Fault::invalid("dataset", fault.problem.detail);
+            }
+            fault
+        })?,
+        (Some(_), Some(_)) => return Err(Fault::invalid("dataset", "is an alternative to `scene`; give one")),
+        (None, None) => return Err(Fault::invalid("scene", "is missing (or give `dataset`)")),
+    };
+    let session = app.sessions().create(&app, scene).await.map_err(|mut fault| {
+        // The field's path in the request.
+        if own_scene && let Some(field) = &mut fault.problem.field {
+            field.insert_str(0, "scene.");
+        }
+        fault
+    })?;
+    let location = format!("/api/v1/sessions/{}", session.id);
+    Ok((StatusCode::CREATED, [(header::LOCATION, location)], JsonAnswer(session.describe())).into_response())
+}
+
+/// A session with its scene.
+#[utoipa::path(
+    get, path = "/sessions/{id}", tag = "sessions", params(("id" = String, Path)),
+    responses((status = OK, body = SessionDocument), (status = NOT_FOUND, body = Problem, content_type = "application/problem+json"))
+)]
+pub async fn get(State(app): State<Arc<App>>, Path(id): Path<String>) -> Answer<JsonAnswer<SessionDocument>> {
+    Ok(JsonAnswer(find(&app, &id)?.describe()))
+}
+
+/// Closes a session; its viewers are told.
+#[utoipa::path(
+    delete, path = "/sessions/{id}", tag = "sessions", params(("id" = String, Path)),
+    responses((status = NO_CONTENT), (status = NOT_FOUND, body = Problem, content_type = "application/problem+json"))
+)]
+pub async fn delete(State(app): State<Arc<App>>, Path(id): Path<String>) -> Answer<StatusCode> {
+    app.sessions().delete(&id)?;
+    Ok(StatusCode::NO_CONTENT)
+}
+
+/// The session's scene file, camera filled in.
+#[utoipa::path(
+    get, path = "/sessions/{id}/scene", tag = "sessions", params(("id" = String, Path)),
+    responses((status = OK, body = SceneFile), (status = NOT_FOUND, body = Problem, content_type = "application/problem+json"))
+)]
+pub async fn get_scene(State(app): State<Arc<App>>, Path(id): Path<String>) -> Answer<JsonAnswer<SceneFile>> {
+    Ok(JsonAnswer(find(&app, &id)?.scene_file()))
+}
+
+/// Replaces the session's scene. Connected viewers keep their cameras.
+#[utoipa::path(
+    put, path = "/sessions/{id}/scene", tag = "sessions", params(("id" = String, Path)), request_body = SceneFile,
+    responses(
+        (status = OK, body = SessionDocument),
+        (status = UNPROCESSABLE_ENTITY, body = Problem, content_type = "application/problem+json", description = "A field is not valid; the scene is unchanged"),
+        (status = NOT_FOUND, body = Problem, content_type = "application/problem+json"),
+    )
+)]
+pub async fn put_scene(
+    State(app): State<Arc<App>>,
+    Path(id): Path<String>,
+    Json(scene): Json<Value>,
+) -> Answer<JsonAnswer<SessionDocument>> {
+    edit(&app, &id, Edit::Replace(scene)).await
+}
+
+/// Changes part of the session's scene by a JSON merge patch (RFC 7396); arrays are replaced
+/// whole. Connected viewers keep their cameras.
+#[utoipa::path(
+    patch, path = "/sessions/{id}/scene", tag = "sessions", params(("id" = String, Path)),
+    request_body(content = Object, content_type = "application/merge-patch+json"),
+    responses(
+        (status = OK, body = SessionDocument),
+        (status = UNPROCESSABLE_ENTITY, body = Problem, content_type = "application/problem+json", description = "A field is not valid; the scene is unchanged"),
+        (status = NOT_FOUND, body = Problem, content_type = "application/problem+json"),
+    )
+)]
+pub async fn patch_scene(
+    State(app): State<Arc<App>>,
+    Path(id): Path<String>,
+    Json(patch): Json<Value>,
+) -> Answer<JsonAnswer<SessionDocument>> {
+    edit(&app, &id, Edit::Patch(patch)).await
+}
+
+async fn edit(app: &Arc<App>, id: &str, edit: Edit) -> Answer<JsonAnswer<SessionDocument>> {
+    let session = find(app, id)?;
+    session.edit(app, edit).await?;
+    Ok(JsonAnswer(session.describe()))
+}
+
+fn find(app: &App, id: &str) -> Answer<Arc<Session>> {
+    app.sessions().get(id).ok_or_else(|| no_such_session(id))
+}
+
+/// Formats of a still.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, utoipa::ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum StillFormat {
+    /// 8-bit sRGB, tone-mapped.
+    #[default]
+    Png,
+    /// OpenEXR, linear float32 RGB.
+    Exr,
+    /// NumPy array of shape (height, width, 3), linear float32.
+    Npy,
+}
+
+/// What still is wanted.
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub struct StillQuery {
+    /// Default png.
+    #[serde(default)]
+    #[param(inline)]
+    format: StillFormat,
+    /// Pixels, default the scene's `image.width`.
+    width: Option<u32>,
+    /// Pixels, default the scene's `image.height`.
+    height: Option<u32>,
+}
+
+/// Draws the scene from the session's camera, to the scene's `sampling.samples_per_pixel`.
+#[utoipa::path(
+    get, path = "/sessions/{id}/snapshot", tag = "sessions", params(("id" = String, Path), StillQuery),
+    responses(
+        (status = OK, description = "The picture", content(
+            (Vec<u8> = "image/png"), (Vec<u8> = "image/x-exr"), (Vec<u8> = "application/x-npy")
+        )),
+        (status = UNPROCESSABLE_ENTITY, body = Problem, content_type = "application/problem+json"),
+        (status = SERVICE_UNAVAILABLE, body = Problem, content_type = "application/problem+json", description = "Too many stills are waiting"),
+        (status = GATEWAY_TIMEOUT, body = Problem, content_type = "application/problem+json", description = "Drawing took too long"),
+    )
+)]
+pub async fn snapshot(
+    State(app): State<Arc<App>>,
+    Path(id): Path<String>,
+    Query(query): Query<StillQuery>,
+) -> Answer<Response> {
+    let session = find(&app, &id)?;
+    let (file, snapshot) = (session.scene_file(), session.snapshot());
+    let target = Target {
+        width: query.width.unwrap_or(file.image.width),
+        height: query.height.unwrap_or(file.image.height),
+        samples_per_pixel: snapshot.scene.sampling.samples_per_pixel,
+    };
+    for (field, edge) in [("width", target.width), ("height", target.height)] {
+        if !(1..=MAX_IMAGE_EDGE).contains(&edge) {
+            return Err(Fault::invalid(field, format!("must be from 1 to {MAX_IMAGE_EDGE}, got {edge}")));
+        }
+    }
+    let pixels = u64::from(target.width) * u64::from(target.height);
+    if pixels > MAX_STILL_PIXELS {
+        return Err(Fault::invalid(
+            "width",
+            format!("and `height` ask for {pixels} pixels, at most {MAX_STILL_PIXELS} are drawn"),
+        ));
+    }
+    let patience = Duration::from_secs(app.config().limits.still_seconds);
+    let radiance = query.format != StillFormat::Png;
+    let still = app.renderer().still(snapshot, target, radiance, patience).await?;
+    let (media_type, bytes) = crate::blocking("encoding a still", move || encoded(&still, query.format)).await??;
+    let headers = [
+        (header::CONTENT_TYPE, HeaderValue::from_static(media_type)),
+        (header::CACHE_CONTROL, HeaderValue::from_static("no-store")),
+    ];
+    Ok((headers, bytes).into_response())
+}
+
+fn encoded(still: &Still, format: StillFormat) -> Answer<(&'static str, Vec<u8>)> {
+    let failed = |error| Fault::internal("encoding a still", &error);
+    match (still, format) {
+        (Still::Picture(picture), _) => Ok(("image/png", crate::encode::png(picture).map_err(failed)?)),
+        (Still::Radiance(radiance), StillFormat::Npy) => {
+            Ok(("application/x-npy", crate::encode::npy(radiance)))
+        }
+        (Still::Radiance(radiance), _) => Ok(("image/x-exr", crate::encode::exr(radiance).map_err(failed)?)),
+    }
+}

@@ -1,0 +1,12 @@
+//! The service as its clients see it: in process, and over real sockets.
+//!
+//! A device is needed; all tests share one. Volumes and pictures are small: the software device
+//! of a machine without a GPU draws them, too.
+
+mod datasets;
+mod security;
+mod sessions;
+mod support;
+mod uploads;
+mod viewer_edits;
+mod viewer_frames;

@@ -1,0 +1,179 @@
+//! Uploads: every way in, and every way to be refused without leaving a trace.
+
+use axum::body::{Body, Bytes};
+use axum::http::{StatusCode, header};
+use tokio::io::AsyncWriteExt;
+
+use crate::support::{Service, ball, nrrd};
+
+#[tokio::test]
+async fn equal_content_is_one_dataset() {
+    let service = Service::new();
+    let first = service.put("/datasets/a.nrrd", nrrd(0)).await;
+    assert_eq!(first.status, StatusCode::CREATED);
+    let id = first.json()["id"].as_str().unwrap().to_owned();
+    assert_eq!(first.headers[header::LOCATION], format!("/api/v1/datasets/{id}"));
+    let second = service.put("/datasets/b.nrrd", nrrd(0)).await;
+    assert_eq!(second.status, StatusCode::OK);
+    assert_eq!(second.json(), first.json(), "the first name stays");
+    let third = service.form(&[("file", "c.nrrd", &nrrd(0))]).await;
+    assert_eq!((third.status, third.json()), (StatusCode::OK, first.json()));
+    let other = service.put("/datasets/a.nrrd", nrrd(2)).await;
+    assert_eq!(other.status, StatusCode::CREATED);
+    assert_ne!(other.json()["id"], first.json()["id"]);
+}
+
+#[tokio::test]
+async fn many_at_once_store_one_dataset() {
+    let service = Service::new();
+    let uploads = (0..4).map(|_| service.put("/datasets/a.nrrd", nrrd(0)));
+    let answers = futures_util::future::join_all(uploads).await;
+    let created = answers.iter().filter(|answer| answer.status == StatusCode::CREATED).count();
+    assert_eq!(created, 1);
+    assert!(answers.iter().all(|answer| answer.status.is_success()));
+    assert_eq!(service.stored_files().len(), 2, "{:?}", service.stored_files());
+}
+
+#[tokio::test]
+async fn a_header_and_its_data_are_one_dataset() {
+    let service = Service::new();
+    let header = b"NRRD0004\ntype: uint8\ndimension: 3\nsizes: 16 16 16\nencoding: raw\ndata file: ball.raw\n";
+    let voxels = ball(0);
+    let answer = service.form(&[("file", "ball.raw", &voxels), ("file", "ball.nhdr", header)]).await;
+    assert_eq!(answer.status, StatusCode::CREATED, "{}", answer.json());
+    assert_eq!(answer.json()["name"], "ball");
+    assert_eq!(answer.json()["bytes"], voxels.len() + header.len());
+    let missing = service.form(&[("file", "ball.nhdr", header)]).await.problem(422);
+    assert!(missing.detail.contains("ball"), "the reader's words: {}", missing.detail);
+}
+
+#[tokio::test]
+async fn raw_files_are_described_by_a_query_or_a_sidecar() {
+    let service = Service::new();
+    let by_query = service.put("/datasets/ball.raw?dims=16,16,16&type=uint8&spacing=1,2,3", ball(0)).await;
+    assert_eq!(by_query.status, StatusCode::CREATED, "{}", by_query.json());
+    assert_eq!(by_query.json()["spacing"], serde_json::json!([1.0, 2.0, 3.0]));
+    let sidecar = br#"{"dims": [16, 16, 16], "type": "uint8"}"#;
+    let by_sidecar = service.form(&[("file", "ball.raw", &ball(0)), ("file", "ball.json", sidecar)]).await;
+    assert_eq!(by_sidecar.status, StatusCode::CREATED, "{}", by_sidecar.json());
+    for (query, field) in [("dims=16,16&type=uint8", "dims"), ("dims=16,16,16", "type"), ("type=uint8", "dims")] {
+        let problem = service.put(&format!("/datasets/ball.raw?{query}"), ball(0)).await.problem(422);
+        assert_eq!(problem.field.as_deref(), Some(field));
+    }
+    let wrong = service.put("/datasets/ball.raw?dims=16,16,17&type=uint8", ball(0)).await.problem(422);
+    assert!(wrong.detail.contains("ball.raw"), "{}", wrong.detail);
+    service.put("/datasets/ball.raw?dimensions=1", ball(0)).await.problem(400);
+}
+
+#[tokio::test]
+async fn what_no_reader_accepts_leaves_nothing_behind() {
+    let service = Service::new();
+    let cut = nrrd(0)[..200].to_vec();
+    let problem = service.put("/datasets/cut.nrrd", cut).await.problem(422);
+    assert_eq!(problem.kind, "/problems/unreadable-file");
+    service.put("/datasets/x.bin", "no volume at all").await.problem(422);
+    service.put("/datasets/empty.nrrd", "").await.problem(422);
+    service.form(&[]).await.problem(422);
+    let problem = service.form(&[("data", "a.nrrd", &nrrd(0))]).await.problem(422);
+    assert_eq!(problem.field.as_deref(), Some("data"));
+    service.form(&[("file", "a.nrrd", &nrrd(0)), ("file", "x/a.nrrd", &nrrd(2))]).await.problem(422);
+    wait_until_empty(&service).await;
+}
+
+#[tokio::test]
+async fn hostile_names_become_plain_ones() {
+    let service = Service::new();
+    let answer = service.put("/datasets/..%2F..%2Fescape.nrrd", nrrd(0)).await;
+    assert_eq!(answer.status, StatusCode::CREATED);
+    assert_eq!(answer.json()["name"], "escape");
+    let answer = service.form(&[("file", "../../../../tmp/../escape2.nrrd", &nrrd(2))]).await;
+    assert_eq!(answer.status, StatusCode::CREATED);
+    assert!(!service.folder.path().join("escape.nrrd").exists());
+    assert_eq!(service.stored_files().len(), 4);
+    for id in ["..%2F..%2Fetc%2Fpasswd", "..", "%00", "pillars%2F..%2Fpillars"] {
+        service.get(&format!("/datasets/{id}")).await.problem(404);
+        service.get(&format!("/datasets/{id}/thumbnail")).await.problem(404);
+    }
+}
+
+#[tokio::test]
+async fn limits_hold() {
+    let service = Service::with(|config| {
+        config.limits.max_upload_bytes = 5000;
+        config.limits.max_storage_bytes = 6000;
+        config.limits.max_upload_files = 2;
+        config.limits.max_datasets = 2;
+    });
+    // Said beforehand, and found out underway.
+    service.put("/datasets/a.nrrd", vec![0; 5001]).await.problem(413);
+    let pieces = (0..100).map(|_| Ok::<_, std::io::Error>(Bytes::from(vec![0; 100])));
+    let unannounced = Body::from_stream(futures_util::stream::iter(pieces));
+    service.put("/datasets/a.nrrd", unannounced).await.problem(413);
+    let small: &[u8] = b"x";
+    service.form(&[("file", "a", small), ("file", "b", small), ("file", "c", small)]).await.problem(413);
+    wait_until_empty(&service).await;
+    service.put("/datasets/a.nrrd", nrrd(0)).await.ok();
+    let problem = service.put("/datasets/b.nrrd", nrrd(2)).await.problem(507);
+    assert_eq!(problem.kind, "/problems/storage-full");
+    // What was refused takes no room: this just fits.
+    let small = b"NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 2 2\nencoding: raw\n\n12345678";
+    service.put("/datasets/c.nrrd", small.to_vec()).await.ok();
+    let problem = service.put("/datasets/d.nrrd", small[..70].to_vec()).await.problem(507);
+    assert!(problem.detail.contains("max_datasets"), "{}", problem.detail);
+}
+
+#[tokio::test]
+async fn too_many_uploads_at_once_are_asked_to_wait() {
+    let service = Service::with(|config| config.limits.max_uploads = 1);
+    let (sender, receiver) = tokio::sync::mpsc::channel::<Result<Bytes, std::io::Error>>(1);
+    let stream = futures_util::stream::unfold(receiver, |mut receiver| async {
+        receiver.recv().await.map(|piece| (piece, receiver))
+    });
+    let slow = service.put("/datasets/a.nrrd", Body::from_stream(stream));
+    let other = async {
+        sender.send(Ok(Bytes::from(nrrd(0)))).await.unwrap();
+        sender.send(Ok(Bytes::new())).await.unwrap();
+        let answer = service.put("/datasets/b.nrrd", nrrd(2)).await;
+        drop(sender);
+        answer
+    };
+    let (slow, other) = tokio::join!(slow, other);
+    assert_eq!(slow.status, StatusCode::CREATED);
+    other.problem(503);
+    assert!(other.headers.contains_key(header::RETRY_AFTER));
+}
+
+#[tokio::test]
+async fn an_upload_that_breaks_off_leaves_nothing() {
+    let service = Service::new();
+    let pieces = [Ok(Bytes::from(nrrd(0)[..1000].to_vec())), Err(std::io::Error::other("cable pulled"))];
+    service.put("/datasets/a.nrrd", Body::from_stream(futures_util::stream::iter(pieces))).await.problem(400);
+    wait_until_empty(&service).await;
+    // Over a socket: the connection goes away in the middle of the body.
+    let listening = service.listen().await;
+    let mut socket = tokio::net::TcpStream::connect(listening.address).await.unwrap();
+    let head = "PUT /api/v1/datasets/a.nrrd HTTP/1.1\r\nHost: localhost\r\nContent-Length: 4000\r\n\r\n";
+    socket.write_all(head.as_bytes()).await.unwrap();
+    socket.write_all(&nrrd(0)[..1000]).await.unwrap();
+    socket.flush().await.unwrap();
+    for _ in 0..200 {
+        if !service.stored_files().is_empty() {
+            break;
+        }
+        tokio::time::sleep(std::time::Duration::from_millis(10)).await;
+    }
+    assert_eq!(service.stored_files().len(), 1, "the upload is being received");
+    drop(socket);
+    wait_until_empty(&service).await;
+}
+
+/// Folders of refused uploads are removed in the background.
+async fn wait_until_empty(service: &Service) {
+    for _ in 0..500 {
+        if service.stored_files().is_empty() {
+            return;
+        }
+        tokio::time::sleep(std::time::Duration::from_millis(10)).await;
+    }
+    panic!("left behind: {:?}", service.stored_files());
+}
