@@ -2,7 +2,6 @@
 
 import { FileButton, NativeSelect, Select, Tooltip, useMantineColorScheme } from "@mantine/core";
 import { explore, takeFiles, useDatasets } from "../datasets/store";
-import type { Method } from "../generated/proto";
 import { methodChoices, shortcoming } from "../quality/methods";
 import { session } from "../session/engine";
 import { useSession } from "../session/store";
@@ -29,7 +28,7 @@ export function TopBar() {
       <IconButton icon="undo" label="Undo" hotkey="Z" disabled={!canUndo} onClick={() => session.undo()} testId="undo" />
       <IconButton icon="redo" label="Redo" hotkey="Shift Z" disabled={!canRedo} onClick={() => session.redo()} testId="redo" />
       <span className="top-rule" />
-      <FileButton accept=".json,application/json" onChange={(file) => file && void takeFiles([file]).catch(sayError)}>
+      <FileButton accept=".json,application/json" inputProps={sceneInput} onChange={(file) => file && void takeFiles([file]).catch(sayError)}>
         {(props) => <IconButton icon="open" label="Open a scene file" testId="open-scene" {...props} />}
       </FileButton>
       <IconButton icon="save" label="Save the scene as a file" disabled={!hasScene} onClick={saveScene} testId="save-scene" />
@@ -41,6 +40,9 @@ export function TopBar() {
     </header>
   );
 }
+
+/** Browser tests put files here. */
+const sceneInput = { "data-testid": "scene-input" } as object;
 
 function DatasetSelect() {
   const list = useDatasets((state) => state.list);
@@ -76,7 +78,7 @@ function MethodSelect() {
           maxDropdownHeight={420}
           data-testid="method-select"
           data-method={method}
-          onChange={(next) => next && session.edit({ illumination: { method: next as Method } })}
+          onChange={(next) => next && session.edit({ illumination: { method: next } })}
           renderOption={({ option }) => {
             const { gives, label } = methodChoices.find((other) => other.method === option.value) ?? { gives: "", label: option.label };
             return (

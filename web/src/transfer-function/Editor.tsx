@@ -14,6 +14,8 @@ import { formatValue, histogramColumns, panWindow, ticks, valueOf, zoomWindow, t
 const PLOT_HEIGHT = 148;
 const AXIS_HEIGHT = 20;
 const MARGIN = 8;
+/** Labels of the axis closer than this to an end grow inwards, pixels. */
+const EDGE = 14;
 /** Nudge of an arrow key: shares of the value window and of the opacity axis; Shift takes ten. */
 const NUDGE_S = 1 / 400;
 const NUDGE_HEIGHT = 1 / 200;
@@ -194,7 +196,7 @@ export function Editor({ points, histogram, range, onNumbers }: {
           return (
             <g key={value}>
               <line x1={x} x2={x} y1={floor} y2={floor + 4} />
-              <text x={x} y={floor + 15}>{formatValue(value)}</text>
+              <text x={x} y={floor + 15} textAnchor={x < plot.left + EDGE ? "start" : x > plot.left + plot.width - EDGE ? "end" : "middle"}>{formatValue(value)}</text>
             </g>
           );
         })}
