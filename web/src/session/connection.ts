@@ -5,8 +5,9 @@ import { PROTOCOL_VERSION, type ClientMessage, type ServerMessage } from "../gen
 
 /** Pauses between attempts, milliseconds; the last repeats. */
 export const RETRY_MILLIS = [300, 700, 1500, 3000, 6000, 10_000] as const;
-/** Close code of a session that does not exist. */
+/** Close codes of the service: the session does not exist; the greeting is not of its protocol. */
 const CLOSE_SESSION_GONE = 4404;
+const CLOSE_BAD_HELLO = 4400;
 
 /** What the connection tells. */
 export interface ConnectionEvents {
@@ -16,6 +17,8 @@ export interface ConnectionEvents {
   lost: () => void;
   /** The session does not exist (any more). */
   gone: () => void;
+  /** The other side speaks another protocol; trying again is of no use. */
+  foreign: () => void;
   /** The next attempt starts at this time (milliseconds since 1970); null: now. */
   waiting: (until: number | null) => void;
 }
@@ -48,6 +51,7 @@ export class Connection {
       this.socket = null;
       this.events.lost();
       if (event.code === CLOSE_SESSION_GONE) this.events.gone();
+      else if (event.code === CLOSE_BAD_HELLO) this.events.foreign();
       else this.retry(() => void this.find(id));
     };
   }

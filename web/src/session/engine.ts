@@ -61,6 +61,7 @@ class Engine {
       set({ link: "lost", progress: null });
     },
     gone: () => void this.recreate(),
+    foreign: () => this.refuseProtocol(),
     waiting: (retryAt) => set({ retryAt }),
   });
 
@@ -318,8 +319,7 @@ class Engine {
 
   private welcome(message: Extract<ServerMessage, { type: "welcome" }>): void {
     if (message.protocol !== PROTOCOL_VERSION) {
-      this.connection.close();
-      set({ link: "failed", failure: "The service speaks another version of the protocol. Reload the page." });
+      this.refuseProtocol();
       return;
     }
     this.welcomed = true;
@@ -340,6 +340,11 @@ class Engine {
     if (document.hidden) this.connection.send({ type: "visible", visible: false });
     this.publishScene();
     this.flush();
+  }
+
+  private refuseProtocol(): void {
+    this.connection.close();
+    set({ link: "failed", failure: "The service speaks another version of the protocol. Reload the page." });
   }
 
   private async loadHistogram(id: string): Promise<void> {
