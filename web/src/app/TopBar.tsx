@@ -44,6 +44,12 @@ export function TopBar() {
 /** Browser tests put files here. */
 const sceneInput = { "data-testid": "scene-input" } as object;
 
+/** Opens a dataset; says here what would be said at its card if the panel were open. */
+async function choose(id: string): Promise<void> {
+  const problem = id === "" ? null : await explore(id);
+  if (problem !== null && !useUi.getState().leftOpen) sayError(new Error(problem));
+}
+
 function DatasetSelect() {
   const list = useDatasets((state) => state.list);
   const current = useSession((state) => state.dataset);
@@ -54,7 +60,7 @@ function DatasetSelect() {
   ].filter(({ items }) => items.length > 0);
   const known = list.some(({ id }) => id === current?.id);
   const data = [...(current && !known ? [option(current)] : []), ...(current ? [] : [{ value: "", label: "no dataset" }]), ...groups];
-  return <NativeSelect aria-label="Dataset" className="top-dataset" value={current?.id ?? ""} data={data} data-testid="dataset-select" onChange={(event) => event.currentTarget.value !== "" && void explore(event.currentTarget.value)} />;
+  return <NativeSelect aria-label="Dataset" className="top-dataset" value={current?.id ?? ""} data={data} data-testid="dataset-select" onChange={(event) => void choose(event.currentTarget.value)} />;
 }
 
 function MethodSelect() {

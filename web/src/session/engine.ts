@@ -14,6 +14,7 @@ import { type Patch } from "../scene/mergePatch";
 import { Connection } from "./connection";
 import { EditLog } from "./edits";
 import { FrameReceiver } from "./frames";
+import { Inputs, type ViewportSize } from "./inputs";
 import { Meters } from "./meters";
 import { decodeScene, parseAddress, sessionAddress } from "./shareLink";
 import { useSession, type SessionState } from "./store";
@@ -22,16 +23,8 @@ import { loadView, saveView } from "./viewMemory";
 
 /** How often the readings in the status line change, milliseconds. */
 const READINGS_MILLIS = 250;
-/** Inputs of a hidden page are sent this often, milliseconds: it gets no animation frames. */
-const HIDDEN_FLUSH_MILLIS = 100;
 /** Longest wait for the server to confirm the camera before a still is asked for, milliseconds. */
 const SETTLE_MILLIS = 3000;
-
-export interface ViewportSize {
-  width: number;
-  height: number;
-  pixel_ratio: number;
-}
 
 type Presenter = (picture: ImageBitmap, header: FrameHeader) => void;
 
@@ -44,11 +37,6 @@ class Engine {
   private receiver: FrameReceiver<ImageBitmap> | null = null;
   /** The server has greeted this connection: inputs may be sent. */
   private welcomed = false;
-  private seq = 0;
-  private flushPending = false;
-  private cameraMoved = false;
-  private viewport: ViewportSize | null = null;
-  private viewportChanged = false;
   private presenter: Presenter | null = null;
   private settleWaiters: (() => void)[] = [];
   /** Grows with every session that is asked for; answers to older wishes are dropped. */
@@ -63,6 +51,11 @@ class Engine {
     gone: () => void this.recreate(),
     foreign: () => this.refuseProtocol(),
     waiting: (retryAt) => set({ retryAt }),
+  });
+  private readonly inputs = new Inputs({
+    scene: () => (this.welcomed ? this.sync : null),
+    send: (message) => this.connection.send(message),
+    numbered: (seq) => this.meters.inputSent(seq, performance.now()),
   });
 
   /** Opens what the address asks for, else the first dataset the service offers. */
@@ -105,7 +98,7 @@ class Engine {
     if (fieldError && rootOf(fieldError.field) in patch) set({ fieldError: null });
     if (failure !== null) set({ failure: null });
     this.publishScene();
-    this.scheduleFlush();
+    this.inputs.schedule();
   }
 
   beginGesture(): void {
@@ -127,29 +120,25 @@ class Engine {
   moveCamera(camera: Camera): void {
     if (!this.sync) return;
     this.sync.moveCamera(camera);
-    this.cameraMoved = true;
     this.publishScene();
-    this.scheduleFlush();
+    this.inputs.moveCamera();
   }
 
   resize(viewport: ViewportSize): void {
-    const old = this.viewport;
-    if (old?.width === viewport.width && old.height === viewport.height && old.pixel_ratio === viewport.pixel_ratio) return;
-    this.viewport = viewport;
-    this.viewportChanged = true;
-    this.scheduleFlush();
+    this.inputs.resize(viewport);
   }
 
   /** A still of what this viewer sees, drawn by the server at the viewport's device pixels. */
   async still(): Promise<Blob> {
     const { sessionId, scene } = useSession.getState();
-    if (!sessionId || !scene?.camera || !this.viewport || !this.sync) throw new Error("There is no picture yet.");
+    const { viewport } = this.inputs;
+    if (!sessionId || !scene?.camera || !viewport || !this.sync) throw new Error("There is no picture yet.");
     // The server draws stills with the session's camera: make it this viewer's first.
     const camera = { orthographic_height: null, fov_y_degrees: null, ...scene.camera };
     this.sync.edit({ camera });
-    this.scheduleFlush();
+    this.inputs.schedule();
     await this.settled();
-    const { width, height, pixel_ratio } = this.viewport;
+    const { width, height, pixel_ratio } = viewport;
     return rest.getSnapshot(sessionId, Math.round(width * pixel_ratio), Math.round(height * pixel_ratio));
   }
 
@@ -166,7 +155,7 @@ class Engine {
     if (!patch) return;
     sync.edit(patch);
     this.publishScene();
-    this.scheduleFlush();
+    this.inputs.schedule();
   }
 
   private async refreshStatus(): Promise<void> {
@@ -335,11 +324,9 @@ class Engine {
     });
     if (changed && message.dataset) void this.loadHistogram(message.dataset.id);
     if (!useSession.getState().status) void this.refreshStatus();
-    this.cameraMoved = this.sync.scene.camera !== undefined;
-    this.viewportChanged = this.viewport !== null;
     if (document.hidden) this.connection.send({ type: "visible", visible: false });
     this.publishScene();
-    this.flush();
+    this.inputs.repeat();
   }
 
   private refuseProtocol(): void {
@@ -378,38 +365,6 @@ class Engine {
     this.presenter?.(picture, header);
     this.meters.frameShown(header.seq, performance.now());
     set({ frame: header, awaitingPicture: false, progress: null });
-  }
-
-  private scheduleFlush(): void {
-    if (this.flushPending) return;
-    this.flushPending = true;
-    const flush = () => {
-      this.flushPending = false;
-      this.flush();
-    };
-    if (document.hidden) window.setTimeout(flush, HIDDEN_FLUSH_MILLIS);
-    else window.requestAnimationFrame(flush);
-  }
-
-  /** Sends what changed since the last time, each thing at most once. */
-  private flush(): void {
-    if (!this.welcomed || !this.sync) return;
-    if (this.viewportChanged && this.viewport) {
-      this.viewportChanged = false;
-      this.connection.send({ type: "viewport", seq: this.nextSeq(), ...this.viewport });
-    }
-    for (const { seq, patch } of this.sync.takeUnsent(() => this.nextSeq())) this.connection.send({ type: "patch", seq, patch });
-    const { camera } = this.sync.scene;
-    if (this.cameraMoved && camera) {
-      this.cameraMoved = false;
-      this.connection.send({ type: "camera", seq: this.nextSeq(), camera });
-    }
-  }
-
-  private nextSeq(): number {
-    this.seq += 1;
-    this.meters.inputSent(this.seq, performance.now());
-    return this.seq;
   }
 
   private settled(): Promise<void> {
