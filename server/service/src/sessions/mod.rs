@@ -320,7 +320,7 @@ impl Session {
             viewer: number,
             epoch: state.epoch,
             scene: Box::new(state.file.clone()),
-            dataset: app.describe_volume(&state.key, &state.scene.volume),
+            dataset: app.describe_volume(&state.key, &state.scene.volume).map(Box::new),
             device: app.renderer().device().clone(),
         }
     }
@@ -379,8 +379,7 @@ fn filled_camera(file: &SceneFile, scene: &Scene) -> Camera {
 
 /// A scene file with merge patches applied, not yet checked.
 fn merged<'p>(file: &SceneFile, patches: impl IntoIterator<Item = &'p Value>) -> Result<Value, FieldError> {
-    let mut value =
-        serde_json::to_value(file).map_err(|error| FieldError::new("", error.to_string()))?;
+    let mut value = serde_json::to_value(file).map_err(|error| FieldError::new("", error.to_string()))?;
     for patch in patches {
         if !patch.is_object() {
             return Err(FieldError::new("", "a merge patch must be a JSON object"));

@@ -37,7 +37,8 @@ async fn many_at_once_store_one_dataset() {
 #[tokio::test]
 async fn a_header_and_its_data_are_one_dataset() {
     let service = Service::new();
-    let header = b"NRRD0004\ntype: uint8\ndimension: 3\nsizes: 16 16 16\nencoding: raw\ndata file: ball.raw\n";
+    let header =
+        b"NRRD0004\ntype: uint8\ndimension: 3\nsizes: 16 16 16\nencoding: raw\ndata file: ball.raw\n";
     let voxels = ball(0);
     let answer = service.form(&[("file", "ball.raw", &voxels), ("file", "ball.nhdr", header)]).await;
     assert_eq!(answer.status, StatusCode::CREATED, "{}", answer.json());
@@ -56,7 +57,9 @@ async fn raw_files_are_described_by_a_query_or_a_sidecar() {
     let sidecar = br#"{"dims": [16, 16, 16], "type": "uint8"}"#;
     let by_sidecar = service.form(&[("file", "ball.raw", &ball(0)), ("file", "ball.json", sidecar)]).await;
     assert_eq!(by_sidecar.status, StatusCode::CREATED, "{}", by_sidecar.json());
-    for (query, field) in [("dims=16,16&type=uint8", "dims"), ("dims=16,16,16", "type"), ("type=uint8", "dims")] {
+    for (query, field) in
+        [("dims=16,16&type=uint8", "dims"), ("dims=16,16,16", "type"), ("type=uint8", "dims")]
+    {
         let problem = service.put(&format!("/datasets/ball.raw?{query}"), ball(0)).await.problem(422);
         assert_eq!(problem.field.as_deref(), Some(field));
     }

@@ -80,13 +80,15 @@ async fn a_burst_of_edits_is_applied_together_and_only_the_bad_one_is_refused() 
     }
     let mut seq = 100;
     // Without a bad one, epochs count applications, not messages.
-    let before = service.get(&format!("/sessions/{}", session.id)).await.ok().json()["epoch"].as_u64().unwrap();
+    let before =
+        service.get(&format!("/sessions/{}", session.id)).await.ok().json()["epoch"].as_u64().unwrap();
     for _ in 0..100 {
         seq += 1;
         viewer.patch(seq, ramp(f64::from(seq))).await;
     }
     while scene(&mut viewer).await.1 < seq {}
-    let after = service.get(&format!("/sessions/{}", session.id)).await.ok().json()["epoch"].as_u64().unwrap();
+    let after =
+        service.get(&format!("/sessions/{}", session.id)).await.ok().json()["epoch"].as_u64().unwrap();
     assert!(after - before < 60, "{} epochs for 100 edits sent at once", after - before);
 }
 
