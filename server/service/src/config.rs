@@ -153,9 +153,7 @@ impl Config {
         let mut settings = file.map_or_else(|| Ok(Table::new()), read_table)?;
         let known = leaves();
         for (name, text) in environment {
-            let setting = known
-                .iter()
-                .find(|(path, _)| environment_name(path) == name);
+            let setting = known.iter().find(|(path, _)| environment_name(path) == name);
             if let Some((path, example)) = setting {
                 set(&mut settings, path, parse(path, example, &text)?);
             }
@@ -169,13 +167,12 @@ impl Config {
             };
             set(&mut settings, path, parse(path, example, text)?);
         }
-        let config: Self =
-            serde_path_to_error::deserialize(Value::Table(settings)).map_err(|error| {
-                ConfigError::Setting {
-                    setting: error.path().to_string(),
-                    message: error.inner().to_string().trim().to_owned(),
-                }
-            })?;
+        let config: Self = serde_path_to_error::deserialize(Value::Table(settings)).map_err(|error| {
+            ConfigError::Setting {
+                setting: error.path().to_string(),
+                message: error.inner().to_string().trim().to_owned(),
+            }
+        })?;
         config.check()?;
         Ok(config)
     }
@@ -195,12 +192,8 @@ impl Config {
     }
 
     fn check(&self) -> Result<(), ConfigError> {
-        let wrong = |setting: &str, message: String| {
-            Err(ConfigError::Setting {
-                setting: setting.into(),
-                message,
-            })
-        };
+        let wrong =
+            |setting: &str, message: String| Err(ConfigError::Setting { setting: setting.into(), message });
         for origin in &self.allowed_origins {
             if crate::origin::host_of_origin(origin).is_none() {
                 return wrong(
@@ -232,25 +225,16 @@ impl Config {
 const MAX_COUNT: usize = 65_536;
 
 fn read_table(path: &Path) -> Result<Table, ConfigError> {
-    let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Read {
-        path: path.into(),
-        source,
-    })?;
-    text.parse().map_err(|error| ConfigError::Syntax {
-        path: path.into(),
-        message: format!("{error}"),
-    })
+    let text =
+        std::fs::read_to_string(path).map_err(|source| ConfigError::Read { path: path.into(), source })?;
+    text.parse().map_err(|error| ConfigError::Syntax { path: path.into(), message: format!("{error}") })
 }
 
 /// Every setting's path with its default value.
 fn leaves() -> Vec<(String, Value)> {
     fn walk(prefix: &str, table: &Table, found: &mut Vec<(String, Value)>) {
         for (key, value) in table {
-            let path = if prefix.is_empty() {
-                key.clone()
-            } else {
-                format!("{prefix}.{key}")
-            };
+            let path = if prefix.is_empty() { key.clone() } else { format!("{prefix}.{key}") };
             match value {
                 Value::Table(inner) => walk(&path, inner, found),
                 leaf => found.push((path, leaf.clone())),
@@ -265,10 +249,7 @@ fn leaves() -> Vec<(String, Value)> {
 }
 
 fn environment_name(path: &str) -> String {
-    format!(
-        "{ENVIRONMENT_PREFIX}{}",
-        path.replace('.', "_").to_uppercase()
-    )
+    format!("{ENVIRONMENT_PREFIX}{}", path.replace('.', "_").to_uppercase())
 }
 
 /// The text of a flag or variable, as the type the setting's default has.
@@ -298,9 +279,7 @@ fn set(table: &mut Table, path: &str, value: Value) {
             table.insert(path.into(), value);
         }
         Some((head, rest)) => {
-            let inner = table
-                .entry(head)
-                .or_insert_with(|| Value::Table(Table::new()));
+            let inner = table.entry(head).or_insert_with(|| Value::Table(Table::new()));
             if let Value::Table(inner) = inner {
                 set(inner, rest, value);
             }
@@ -330,7 +309,11 @@ mod tests {
         let toml = "listen = \"127.0.0.1:1\"\n[limits]\nmax_sessions = 1\nmax_viewers = 1\n";
         let config = load(
             toml,
-            &[("TYNDALL_LIMITS_MAX_SESSIONS", "2"), ("TYNDALL_LISTEN", "127.0.0.1:2"), ("TYNDALL_TEST_DATA", "x")],
+            &[
+                ("TYNDALL_LIMITS_MAX_SESSIONS", "2"),
+                ("TYNDALL_LISTEN", "127.0.0.1:2"),
+                ("TYNDALL_TEST_DATA", "x"),
+            ],
             &[("listen", "127.0.0.1:3")],
         )
         .unwrap();
@@ -342,7 +325,12 @@ mod tests {
 
     #[test]
     fn lists_and_switches_come_from_text() {
-        let config = load("", &[("TYNDALL_ALLOWED_ORIGINS", "https://a.org, http://b.org:81")], &[("hardware_only", "true")]).unwrap();
+        let config = load(
+            "",
+            &[("TYNDALL_ALLOWED_ORIGINS", "https://a.org, http://b.org:81")],
+            &[("hardware_only", "true")],
+        )
+        .unwrap();
         assert_eq!(config.allowed_origins, ["https://a.org", "http://b.org:81"]);
         assert!(config.hardware_only);
     }

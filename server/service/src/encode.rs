@@ -197,7 +197,8 @@ mod tests {
     #[test]
     fn refining_frames_keep_color_resolution() {
         // One-pixel stripes of saturated colours: 4:2:0 smears them, 4:4:4 does not.
-        let rgba = (0..64 * 64).flat_map(|i| if i % 2 == 0 { [200, 40, 40, 255] } else { [40, 40, 200, 255] });
+        let rgba =
+            (0..64 * 64).flat_map(|i| if i % 2 == 0 { [200, 40, 40, 255] } else { [40, 40, 200, 255] });
         let stripes = Picture { width: 64, height: 64, rgba: rgba.collect() };
         let worst = |encoding| {
             let mut frame_of = finished(encoding);

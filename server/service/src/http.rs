@@ -49,7 +49,8 @@ pub async fn admit(State(app): State<Arc<App>>, request: Request, next: Next) ->
         Ok(_permit) => next.run(request).await,
         Err(_) => {
             let most = app.config().limits.max_requests;
-            Fault::busy(format!("{most} requests are being answered (`limits.max_requests`).")).into_response()
+            Fault::busy(format!("{most} requests are being answered (`limits.max_requests`)."))
+                .into_response()
         }
     }
 }
@@ -88,7 +89,8 @@ impl<T: DeserializeOwned + Send + 'static> FromRequest<Arc<App>> for Json<T> {
         })?;
         // A body of megabytes takes milliseconds to decode.
         crate::blocking("decoding a body", move || {
-            let text = std::str::from_utf8(&body).map_err(|_| Fault::bad_request("The body is not UTF-8."))?;
+            let text =
+                std::str::from_utf8(&body).map_err(|_| Fault::bad_request("The body is not UTF-8."))?;
             proto::field::from_json(text).map(Json).map_err(|error| {
                 if error.field.is_empty() { Fault::bad_request(error.message) } else { error.into() }
             })

@@ -36,7 +36,10 @@ use problem::{Answer, Fault};
 ///
 /// # Errors
 /// The work panicked; that is logged.
-pub async fn blocking<T: Send + 'static>(doing: &str, work: impl FnOnce() -> T + Send + 'static) -> Answer<T> {
+pub async fn blocking<T: Send + 'static>(
+    doing: &str,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> Answer<T> {
     tokio::task::spawn_blocking(work).await.map_err(|error| Fault::internal(doing, &error))
 }
 

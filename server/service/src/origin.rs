@@ -19,9 +19,7 @@ use crate::problem::Fault;
 
 /// Host and port of an origin (`https://example.org:8443`), `None` if it is not one.
 pub(crate) fn host_of_origin(origin: &str) -> Option<Authority> {
-    let rest = origin
-        .strip_prefix("https://")
-        .or_else(|| origin.strip_prefix("http://"))?;
+    let rest = origin.strip_prefix("https://").or_else(|| origin.strip_prefix("http://"))?;
     let authority: Authority = rest.parse().ok()?;
     (!rest.contains('@') && !authority.host().is_empty()).then_some(authority)
 }
@@ -115,13 +113,24 @@ mod tests {
     #[test]
     fn foreign_pages_may_not() {
         let host = ("host", "localhost:8080");
-        for origin in ["http://evil.org", "http://localhost:81", "null", "http://localhost:8080@evil.org", "https://localhost"] {
+        for origin in [
+            "http://evil.org",
+            "http://localhost:81",
+            "null",
+            "http://localhost:8080@evil.org",
+            "https://localhost",
+        ] {
             assert!(!verdict(Method::POST, &[host, ("origin", origin)], &[], true), "{origin}");
             let upgrade = ("upgrade", "websocket");
             assert!(!verdict(Method::GET, &[host, ("origin", origin), upgrade], &[], true), "{origin}");
         }
         assert!(verdict(Method::POST, &[host, ("origin", "https://ok.org")], &["https://ok.org"], true));
-        assert!(!verdict(Method::POST, &[host, ("origin", "https://ok.org.evil.org")], &["https://ok.org"], true));
+        assert!(!verdict(
+            Method::POST,
+            &[host, ("origin", "https://ok.org.evil.org")],
+            &["https://ok.org"],
+            true
+        ));
     }
 
     #[test]

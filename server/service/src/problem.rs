@@ -97,10 +97,7 @@ impl Fault {
     /// Something failed that the caller cannot help; the cause is logged, not told.
     pub fn internal(doing: &str, cause: &dyn std::fmt::Display) -> Self {
         tracing::error!(%cause, "failed while {doing}");
-        Self::new(
-            Kind::Internal,
-            format!("Something failed while {doing}; the server's log says more."),
-        )
+        Self::new(Kind::Internal, format!("Something failed while {doing}; the server's log says more."))
     }
 
     /// The status of the answer.
@@ -110,10 +107,7 @@ impl Fault {
 
     /// The fault as a field error, for viewers.
     pub fn as_field_error(&self) -> FieldError {
-        FieldError::new(
-            self.problem.field.clone().unwrap_or_default(),
-            self.problem.detail.clone(),
-        )
+        FieldError::new(self.problem.field.clone().unwrap_or_default(), self.problem.detail.clone())
     }
 }
 
@@ -145,10 +139,14 @@ impl Kind {
             Kind::NotFound => (StatusCode::NOT_FOUND, "not-found", "Not found"),
             Kind::BadRequest => (StatusCode::BAD_REQUEST, "bad-request", "Request not understood"),
             Kind::InvalidField => (StatusCode::UNPROCESSABLE_ENTITY, "invalid-field", "A field is not valid"),
-            Kind::UnreadableFile => (StatusCode::UNPROCESSABLE_ENTITY, "unreadable-file", "The file cannot be read as a volume"),
+            Kind::UnreadableFile => {
+                (StatusCode::UNPROCESSABLE_ENTITY, "unreadable-file", "The file cannot be read as a volume")
+            }
             Kind::Forbidden => (StatusCode::FORBIDDEN, "forbidden", "Not allowed"),
             Kind::TooLarge => (StatusCode::PAYLOAD_TOO_LARGE, "too-large", "Too large"),
-            Kind::RequestTimeout => (StatusCode::REQUEST_TIMEOUT, "request-timeout", "The request stopped arriving"),
+            Kind::RequestTimeout => {
+                (StatusCode::REQUEST_TIMEOUT, "request-timeout", "The request stopped arriving")
+            }
             Kind::Busy => (StatusCode::SERVICE_UNAVAILABLE, "busy", "Busy"),
             Kind::StorageFull => (StatusCode::INSUFFICIENT_STORAGE, "storage-full", "No storage left"),
             Kind::TooSlow => (StatusCode::GATEWAY_TIMEOUT, "too-slow", "Drawing took too long"),
@@ -174,10 +172,7 @@ impl IntoResponse for Fault {
         let body = serde_json::to_vec(&self.problem).unwrap_or_default();
         let mut response = (self.status(), body).into_response();
         let headers = response.headers_mut();
-        headers.insert(
-            header::CONTENT_TYPE,
-            HeaderValue::from_static(PROBLEM_MEDIA_TYPE),
-        );
+        headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(PROBLEM_MEDIA_TYPE));
         headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
         if self.retry {
             headers.insert(header::RETRY_AFTER, HeaderValue::from(RETRY_AFTER_SECONDS));
@@ -200,8 +195,12 @@ pub async fn as_problems(request: Request, next: Next) -> Response {
     let text = to_bytes(body, MAX_FOREIGN_DETAIL_BYTES).await.unwrap_or_default();
     let detail = match String::from_utf8_lossy(&text).into_owned() {
         empty if empty.is_empty() => match status {
-            StatusCode::METHOD_NOT_ALLOWED => "This address does not know this method; the `Allow` header lists those it knows.".into(),
-            StatusCode::NOT_FOUND => "There is nothing at this address; GET /api/v1/openapi.json lists what there is.".into(),
+            StatusCode::METHOD_NOT_ALLOWED => {
+                "This address does not know this method; the `Allow` header lists those it knows.".into()
+            }
+            StatusCode::NOT_FOUND => {
+                "There is nothing at this address; GET /api/v1/openapi.json lists what there is.".into()
+            }
             _ => "The request was refused.".into(),
         },
         text => text,

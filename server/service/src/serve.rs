@@ -53,9 +53,8 @@ pub async fn serve(config: Config) -> Result<(), ServeError> {
         TcpListener::bind(address).await.map_err(|source| ServeError::Listen { address, source })?;
     let policy = if config.hardware_only { AdapterPolicy::HardwareOnly } else { AdapterPolicy::Any };
     let open = move || App::open(config, Gpu::open(policy)?);
-    let state = tokio::task::spawn_blocking(open)
-        .await
-        .map_err(|error| ServeError::Start(error.to_string()))??;
+    let state =
+        tokio::task::spawn_blocking(open).await.map_err(|error| ServeError::Start(error.to_string()))??;
     let device = state.renderer().device();
     tracing::info!(name = device.name, driver = device.driver, "rendering");
     if device.software {

@@ -50,9 +50,7 @@ static ASSETS: LazyLock<HashMap<String, Asset>> = LazyLock::new(|| {
             Some((path.to_string(), asset(file.data.into_owned(), file.metadata.mimetype())))
         })
         .collect();
-    assets
-        .entry("index.html".into())
-        .or_insert_with(|| asset(NOT_BUILT.as_bytes().to_vec(), "text/html"));
+    assets.entry("index.html".into()).or_insert_with(|| asset(NOT_BUILT.as_bytes().to_vec(), "text/html"));
     assets
 });
 

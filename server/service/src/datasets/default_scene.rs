@@ -8,8 +8,8 @@
 //! get one colour per label.
 
 use proto::scene_file::{
-    Background, BlinnPhong, Brdf, Camera, DirectionalLight, EnvironmentLight, Filter, Light,
-    Material, SceneFile, TransferFunction, TransferFunctionPoint, VolumeSource,
+    Background, BlinnPhong, Brdf, Camera, DirectionalLight, EnvironmentLight, Filter, Light, Material,
+    SceneFile, TransferFunction, TransferFunctionPoint, VolumeSource,
 };
 use scene::{Camera as View, Grid, PreparedVolume, Voxels};
 
@@ -196,7 +196,9 @@ fn without_padding(sorted: &[f64]) -> &[f64] {
     let rest = above(sorted, low);
     let padded = (sorted.len() - rest.len()) as f64 > PADDING_SHARE * sorted.len() as f64;
     match rest.first() {
-        Some(&next) if padded && next - low > PADDING_GAP * (high - low) && distinct(rest, 2).is_none() => rest,
+        Some(&next) if padded && next - low > PADDING_GAP * (high - low) && distinct(rest, 2).is_none() => {
+            rest
+        }
         _ => sorted,
     }
 }
@@ -204,9 +206,7 @@ fn without_padding(sorted: &[f64]) -> &[f64] {
 fn show_scan(scene: &mut SceneFile, prepared: &PreparedVolume, values: &[f64]) {
     let Some(parts) = parts(values) else {
         // One value everywhere: a translucent block is all there is to see.
-        scene.transfer_function = TransferFunction {
-            points: vec![point(0.0, 3.0, BODY_ALBEDO, "body")],
-        };
+        scene.transfer_function = TransferFunction { points: vec![point(0.0, 3.0, BODY_ALBEDO, "body")] };
         return;
     };
     // A little above the densest common value, so that the last point is not at the very end.
@@ -243,9 +243,7 @@ fn show_scan(scene: &mut SceneFile, prepared: &PreparedVolume, values: &[f64]) {
 
 /// One colour per label; the most common one is what lies around the others.
 fn show_labels(scene: &mut SceneFile, labels: &[f64], values: &[f64]) {
-    let count = |label: f64| {
-        values.partition_point(|&v| v <= label) - values.partition_point(|&v| v < label)
-    };
+    let count = |label: f64| values.partition_point(|&v| v <= label) - values.partition_point(|&v| v < label);
     let around = labels.iter().copied().max_by_key(|&label| count(label));
     let (first, last) = (labels[0], labels[labels.len() - 1]);
     // Half a label of room at either end: each label owns an interval around its value.
@@ -333,10 +331,7 @@ fn camera(prepared: &PreparedVolume, scene: &SceneFile, anatomical: bool) -> Cam
     } else {
         (UNORIENTED_YAW_DEGREES.to_radians(), UNORIENTED_PITCH_DEGREES.to_radians())
     };
-    let back = world_from_view(
-        [yaw.sin() * pitch.cos(), pitch.sin(), yaw.cos() * pitch.cos()],
-        anatomical,
-    );
+    let back = world_from_view([yaw.sin() * pitch.cos(), pitch.sin(), yaw.cos() * pitch.cos()], anatomical);
     camera.target = center;
     camera.position = std::array::from_fn(|axis| center[axis] + back[axis]);
     let view = View::from_file(&camera);

@@ -56,10 +56,7 @@ impl Catalog {
         let by_id = |manifest: Manifest| (manifest.dataset.id.clone(), manifest);
         Ok(Self {
             storage,
-            state: Mutex::new(State {
-                manifests: manifests.into_iter().map(by_id).collect(),
-                used_bytes,
-            }),
+            state: Mutex::new(State { manifests: manifests.into_iter().map(by_id).collect(), used_bytes }),
             writing: Mutex::new(()),
             limits: limits.clone(),
         })
@@ -115,7 +112,13 @@ impl Catalog {
     ///
     /// # Errors
     /// The limit on datasets (507), or the file system refuses (500).
-    pub fn store(&self, folder: &Path, content: &str, main_file: &str, mut dataset: Dataset) -> Answer<(Dataset, bool)> {
+    pub fn store(
+        &self,
+        folder: &Path,
+        content: &str,
+        main_file: &str,
+        mut dataset: Dataset,
+    ) -> Answer<(Dataset, bool)> {
         let _writing = self.writing.lock();
         if let Some(existing) = self.with_content(content) {
             return Ok((existing.dataset, false));
@@ -142,9 +145,7 @@ impl Catalog {
         let Some(manifest) = self.get(id) else {
             return Err(no_such_dataset(id));
         };
-        self.storage
-            .remove(&manifest)
-            .map_err(|error| Fault::internal("deleting a dataset", &error))?;
+        self.storage.remove(&manifest).map_err(|error| Fault::internal("deleting a dataset", &error))?;
         let mut state = self.state.lock();
         state.manifests.remove(id);
         state.used_bytes = state.used_bytes.saturating_sub(manifest.dataset.bytes);

@@ -86,7 +86,9 @@ impl<'a> Incoming<'a> {
         let name = plain_name(name);
         let most_files = self.app.config().limits.max_upload_files;
         if self.files.len() >= most_files {
-            return Err(Fault::too_large(format!("An upload may have {most_files} files (`limits.max_upload_files`).")));
+            return Err(Fault::too_large(format!(
+                "An upload may have {most_files} files (`limits.max_upload_files`)."
+            )));
         }
         if self.files.contains_key(&name) {
             return Err(Fault::invalid("file", format!("The upload has two files named `{name}`.")));
@@ -96,11 +98,12 @@ impl<'a> Incoming<'a> {
         let mut file = tokio::io::BufWriter::with_capacity(WRITE_BYTES, file);
         let mut hasher = blake3::Hasher::new();
         loop {
-            let piece = tokio::time::timeout(MAX_PAUSE, pieces.next())
-                .await
-                .map_err(|_| Fault::timed_out(format!("Nothing arrived for {} seconds.", MAX_PAUSE.as_secs())))?;
+            let piece = tokio::time::timeout(MAX_PAUSE, pieces.next()).await.map_err(|_| {
+                Fault::timed_out(format!("Nothing arrived for {} seconds.", MAX_PAUSE.as_secs()))
+            })?;
             let Some(piece) = piece else { break };
-            let piece = piece.map_err(|error| Fault::bad_request(format!("The upload broke off: {error}.")))?;
+            let piece =
+                piece.map_err(|error| Fault::bad_request(format!("The upload broke off: {error}.")))?;
             self.count(piece.len() as u64)?;
             hasher.update(&piece);
             file.write_all(&piece).await.map_err(disk_failed)?;
@@ -115,7 +118,9 @@ impl<'a> Incoming<'a> {
         self.bytes += bytes;
         let most = self.app.config().limits.max_upload_bytes;
         if self.bytes > most {
-            return Err(Fault::too_large(format!("An upload may have {most} bytes (`limits.max_upload_bytes`).")));
+            return Err(Fault::too_large(format!(
+                "An upload may have {most} bytes (`limits.max_upload_bytes`)."
+            )));
         }
         self.reservation.grow(bytes)
     }
@@ -258,7 +263,9 @@ mod tests {
     #[test]
     fn equal_uploads_have_equal_hashes() {
         let files = |list: &[(&str, &str)]| {
-            list.iter().map(|(n, c)| ((*n).to_owned(), blake3::hash(c.as_bytes()))).collect::<BTreeMap<_, _>>()
+            list.iter()
+                .map(|(n, c)| ((*n).to_owned(), blake3::hash(c.as_bytes())))
+                .collect::<BTreeMap<_, _>>()
         };
         let one = content_hash(&files(&[("a.nrrd", "1")]));
         assert_eq!(one, content_hash(&files(&[("b.nrrd", "1")])), "the name of a single file says nothing");

@@ -82,7 +82,10 @@ pub async fn post(State(app): State<Arc<App>>, mut form: Multipart) -> Answer<Re
     while let Some(field) = form.next_field().await.map_err(broken)? {
         let name = field.name().unwrap_or_default().to_owned();
         if name != "file" {
-            return Err(Fault::invalid(plain_name(&name), "is not a part of an upload; parts are named `file`"));
+            return Err(Fault::invalid(
+                plain_name(&name),
+                "is not a part of an upload; parts are named `file`",
+            ));
         }
         let file_name = field.file_name().unwrap_or_default().to_owned();
         incoming.file(&file_name, field).await?;
@@ -125,7 +128,9 @@ pub async fn put(
     let length = headers.get(header::CONTENT_LENGTH).and_then(|value| value.to_str().ok()?.parse().ok());
     let most = app.config().limits.max_upload_bytes;
     if length.is_some_and(|length: u64| length > most) {
-        return Err(Fault::too_large(format!("An upload may have {most} bytes (`limits.max_upload_bytes`).")));
+        return Err(Fault::too_large(format!(
+            "An upload may have {most} bytes (`limits.max_upload_bytes`)."
+        )));
     }
     let sidecar = sidecar(&raw)?;
     let mut incoming = Incoming::new(&app).await?;
@@ -161,7 +166,11 @@ fn sidecar(raw: &RawQuery) -> Answer<Option<String>> {
             .ok_or_else(|| Fault::invalid(field, "must be three numbers separated by commas"))
     }
     let Some(dims) = &raw.dims else {
-        if raw.voxel_type.is_some() || raw.endian.is_some() || raw.header_bytes.is_some() || raw.spacing.is_some() {
+        if raw.voxel_type.is_some()
+            || raw.endian.is_some()
+            || raw.header_bytes.is_some()
+            || raw.spacing.is_some()
+        {
             return Err(Fault::invalid("dims", "is missing: a raw file needs `dims` and `type`"));
         }
         return Ok(None);
@@ -240,7 +249,11 @@ pub async fn scene(State(app): State<Arc<App>>, Path(id): Path<String>) -> Answe
         (status = NOT_FOUND, body = Problem, content_type = "application/problem+json"),
     )
 )]
-pub async fn thumbnail(State(app): State<Arc<App>>, Path(id): Path<String>, headers: HeaderMap) -> Answer<Response> {
+pub async fn thumbnail(
+    State(app): State<Arc<App>>,
+    Path(id): Path<String>,
+    headers: HeaderMap,
+) -> Answer<Response> {
     let found = find(&app, &id).await?;
     let scene_text = match &found.scene {
         Some(scene) => serde_json::to_string(scene).unwrap_or_default(),
@@ -248,8 +261,10 @@ pub async fn thumbnail(State(app): State<Arc<App>>, Path(id): Path<String>, head
     };
     let drawn_from = format!("{THUMBNAIL_VERSION} {id} {:?} {scene_text}", found.key);
     let key: String = blake3::hash(drawn_from.as_bytes()).to_hex().chars().take(32).collect();
-    let etag = HeaderValue::from_str(&format!("\"{key}\"")).map_err(|e| Fault::internal("naming a thumbnail", &e))?;
-    let caching = [(header::ETAG, etag.clone()), (header::CACHE_CONTROL, HeaderValue::from_static(REVALIDATE))];
+    let etag = HeaderValue::from_str(&format!("\"{key}\""))
+        .map_err(|e| Fault::internal("naming a thumbnail", &e))?;
+    let caching =
+        [(header::ETAG, etag.clone()), (header::CACHE_CONTROL, HeaderValue::from_static(REVALIDATE))];
     if headers.get(header::IF_NONE_MATCH).is_some_and(|known| *known == etag) {
         return Ok((StatusCode::NOT_MODIFIED, caching).into_response());
     }
@@ -334,5 +349,8 @@ async fn scene_and_volume(app: &Arc<App>, id: &str) -> Answer<(SceneFile, Arc<Pr
         return Ok((scene, volume));
     }
     let source = VolumeSource { dataset: Some(id.to_owned()), ..VolumeSource::default() };
-    crate::blocking("choosing a scene", move || (super::default_scene::default_scene(&volume, source), volume)).await
+    crate::blocking("choosing a scene", move || {
+        (super::default_scene::default_scene(&volume, source), volume)
+    })
+    .await
 }

@@ -76,9 +76,7 @@ impl Samples {
         scans
             .chain(builtins)
             .filter_map(|(name, sample)| {
-                sample
-                    .inspect_err(|reason| tracing::error!(name, reason, "a sample is left out"))
-                    .ok()
+                sample.inspect_err(|reason| tracing::error!(name, reason, "a sample is left out")).ok()
             })
             .collect()
     }
@@ -106,8 +104,8 @@ impl Samples {
         dataset.voxel_type = read.file_type;
         dataset.bytes = data.data.len() as u64;
         dataset.notices = read.notices;
-        dataset.attribution = Scans::get("README.md")
-            .and_then(|readme| section(&String::from_utf8_lossy(&readme.data), name));
+        dataset.attribution =
+            Scans::get("README.md").and_then(|readme| section(&String::from_utf8_lossy(&readme.data), name));
         Ok(Sample { dataset, scene, origin: Origin::File(path) })
     }
 }
@@ -139,9 +137,7 @@ fn computed(kind: Builtin) -> Result<Sample, String> {
 
 /// Size of a built-in volume a scene asks for.
 pub fn builtin_dims(source: &VolumeSource) -> [u32; 3] {
-    source
-        .dims
-        .unwrap_or_else(|| builtin::DEFAULT_DIMS.map(|edge| u32::try_from(edge).unwrap_or(u32::MAX)))
+    source.dims.unwrap_or_else(|| builtin::DEFAULT_DIMS.map(|edge| u32::try_from(edge).unwrap_or(u32::MAX)))
 }
 
 /// Computes a built-in volume. Blocks.
@@ -153,10 +149,7 @@ pub fn build(kind: Builtin, dims: [u32; 3], progress: &(dyn Fn(f32) + Sync)) -> 
 pub fn readable(name: &str) -> String {
     let words = name.replace('_', " ");
     let mut letters = words.chars();
-    letters
-        .next()
-        .map(|first| first.to_uppercase().chain(letters).collect())
-        .unwrap_or_default()
+    letters.next().map(|first| first.to_uppercase().chain(letters).collect()).unwrap_or_default()
 }
 
 impl Sample {
@@ -187,7 +180,10 @@ mod tests {
             assert!(sample.dataset.sample && !sample.dataset.name.is_empty(), "{id}");
             assert!(sample.scene.volume.file.is_none(), "{id}: a client could not name a file");
             let computed = matches!(sample.origin, Origin::Builtin(..));
-            assert!(computed || sample.dataset.attribution.as_ref().is_some_and(|a| a.contains("Licence")), "{id}");
+            assert!(
+                computed || sample.dataset.attribution.as_ref().is_some_and(|a| a.contains("Licence")),
+                "{id}"
+            );
         }
     }
 

@@ -42,12 +42,7 @@ pub struct Manifest {
 impl Manifest {
     /// A manifest of the present version.
     pub fn new(content: String, main_file: String, dataset: Dataset) -> Self {
-        Self {
-            version: MANIFEST_VERSION,
-            content,
-            main_file,
-            dataset,
-        }
+        Self { version: MANIFEST_VERSION, content, main_file, dataset }
     }
 }
 
@@ -166,8 +161,7 @@ impl Storage {
             return Err(format!("{length} bytes are too many for a manifest"));
         }
         let text = fs::read(path).map_err(|error| error.to_string())?;
-        let manifest: Manifest =
-            serde_json::from_slice(&text).map_err(|error| error.to_string())?;
+        let manifest: Manifest = serde_json::from_slice(&text).map_err(|error| error.to_string())?;
         if manifest.version != MANIFEST_VERSION {
             return Err(format!("version {} is not known", manifest.version));
         }

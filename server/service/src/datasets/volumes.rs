@@ -126,7 +126,11 @@ impl Volumes {
     ///
     /// # Errors
     /// It cannot be read, or there is no memory for it now.
-    pub async fn load(self: &Arc<Self>, key: &Key, mut progress: impl FnMut(f32)) -> Answer<Arc<PreparedVolume>> {
+    pub async fn load(
+        self: &Arc<Self>,
+        key: &Key,
+        mut progress: impl FnMut(f32),
+    ) -> Answer<Arc<PreparedVolume>> {
         let mut stages = self.watch(key)?;
         loop {
             let stage = stages.borrow_and_update().clone();
@@ -134,10 +138,7 @@ impl Volumes {
                 Stage::Running(share) => progress(share),
                 Stage::Done(result) => return result,
             }
-            stages
-                .changed()
-                .await
-                .map_err(|error| Fault::internal("loading a volume", &error))?;
+            stages.changed().await.map_err(|error| Fault::internal("loading a volume", &error))?;
         }
     }
 
@@ -160,7 +161,9 @@ impl Volumes {
             return Ok(stages.clone());
         }
         if state.loading.len() >= MAX_WAITING_LOADS {
-            return Err(Fault::busy(format!("{MAX_WAITING_LOADS} volumes are being loaded; try again shortly.")));
+            return Err(Fault::busy(format!(
+                "{MAX_WAITING_LOADS} volumes are being loaded; try again shortly."
+            )));
         }
         let (sender, receiver) = watch::channel(Stage::Running(0.0));
         state.loading.insert(key.clone(), receiver.clone());
@@ -272,7 +275,12 @@ impl State {
 ///
 /// # Errors
 /// The reader's.
-pub fn read(path: &Path, index: Option<u32>, limits: &Limits, progress: &(dyn Fn(f32) + Sync)) -> Result<Imported, FormatError> {
+pub fn read(
+    path: &Path,
+    index: Option<u32>,
+    limits: &Limits,
+    progress: &(dyn Fn(f32) + Sync),
+) -> Result<Imported, FormatError> {
     formats::read_volume(
         path,
         &ReadOptions {

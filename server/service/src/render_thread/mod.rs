@@ -229,7 +229,9 @@ impl RenderThread {
             inbox.stills.retain(|job| !job.reply.is_closed());
             if inbox.stills.len() >= self.max_waiting_stills {
                 let most = self.max_waiting_stills;
-                return Err(Fault::busy(format!("{most} pictures are waiting to be drawn; try again shortly.")));
+                return Err(Fault::busy(format!(
+                    "{most} pictures are waiting to be drawn; try again shortly."
+                )));
             }
             inbox.stills.push_back(StillJob { snapshot, target, radiance, deadline, reply });
             self.notify(inbox);

@@ -60,7 +60,8 @@ pub struct Pace {
 impl Pace {
     /// A pace that has measured nothing yet.
     pub fn new(software: bool) -> Self {
-        let millis_per_pixel = if software { FIRST_MILLIS_PER_PIXEL_SOFTWARE } else { FIRST_MILLIS_PER_PIXEL };
+        let millis_per_pixel =
+            if software { FIRST_MILLIS_PER_PIXEL_SOFTWARE } else { FIRST_MILLIS_PER_PIXEL };
         Self { millis_per_pixel, level: MIN_LEVEL, quality: MAX_QUALITY }
     }
 

@@ -127,7 +127,8 @@ impl Watched {
         }
         if same_viewport && let Some(plan) = self.invisible_change(&input.snapshot) {
             self.adopt(&old.snapshot);
-            let report = FrameReport { changes: plan.changes.clone(), plan: plan.report(), ..FrameReport::default() };
+            let report =
+                FrameReport { changes: plan.changes.clone(), plan: plan.report(), ..FrameReport::default() };
             self.send(Output::Unchanged { frame: self.frame, report: Box::new(report) });
             return;
         }
@@ -185,9 +186,10 @@ impl Watched {
         if self.drawing.as_ref().is_some_and(|drawing| drawing.kind != Kind::Still) {
             return Need::Moving;
         }
-        let shown = self.shown.as_ref().filter(|shown| {
-            shown.viewport == viewport && Arc::ptr_eq(&shown.snapshot, &self.input.snapshot)
-        });
+        let shown = self
+            .shown
+            .as_ref()
+            .filter(|shown| shown.viewport == viewport && Arc::ptr_eq(&shown.snapshot, &self.input.snapshot));
         match shown {
             None => match self.moving_began.map(|began| began + FRAME_INTERVAL) {
                 Some(earliest) if now < earliest => Need::Until(earliest),
@@ -275,7 +277,12 @@ impl Watched {
         })
     }
 
-    fn finish_moving(&mut self, renderer: &mut Renderer, quality: u8, slice_began: Instant) -> Result<(), RenderError> {
+    fn finish_moving(
+        &mut self,
+        renderer: &mut Renderer,
+        quality: u8,
+        slice_began: Instant,
+    ) -> Result<(), RenderError> {
         let before = slice_began.elapsed();
         let picture = renderer.picture(&mut self.view)?;
         let Some(mut drawing) = self.drawing.take() else { return Ok(()) };
@@ -320,11 +327,8 @@ impl Watched {
         if samples > shown_samples && (shown_samples == 0 || waited) && left > SOON {
             let picture = renderer.picture(&mut self.view)?;
             let Some(drawing) = &mut self.drawing else { return Ok(()) };
-            let shown = Drawing {
-                report: drawing.report.take(),
-                snapshot: drawing.snapshot.clone(),
-                ..*drawing
-            };
+            let shown =
+                Drawing { report: drawing.report.take(), snapshot: drawing.snapshot.clone(), ..*drawing };
             self.show(shown, picture, Encoding::Refining);
         }
         Ok(())
@@ -367,7 +371,11 @@ impl Watched {
         self.shown = Some(Shown {
             snapshot: drawing.snapshot,
             viewport: drawing.viewport,
-            samples_at_full_size: if full_size && !matches!(encoding, Encoding::Moving(_)) { samples } else { 0 },
+            samples_at_full_size: if full_size && !matches!(encoding, Encoding::Moving(_)) {
+                samples
+            } else {
+                0
+            },
             is_final,
             sent: Instant::now(),
         });

@@ -191,7 +191,11 @@ impl Worker {
         }
     }
 
-    fn draw_still(&mut self, active: &mut ActiveStill, slice: Duration) -> Result<Option<Still>, RenderError> {
+    fn draw_still(
+        &mut self,
+        active: &mut ActiveStill,
+        slice: Duration,
+    ) -> Result<Option<Still>, RenderError> {
         let ActiveStill { job, view, .. } = active;
         let request = DrawRequest { snapshot: &job.snapshot, target: job.target, budget: Some(slice) };
         if !self.renderer.draw(view, &request)?.complete {

@@ -59,13 +59,17 @@ pub async fn create(State(app): State<Arc<App>>, Json(wish): Json<CreateSession>
     let own_scene = wish.scene.is_some();
     let scene = match (wish.scene, wish.dataset) {
         (Some(scene), None) => scene,
-        (None, Some(id)) => crate::datasets::routes::opening_scene(&app, &id).await.map_err(|mut fault| {
-            if fault.problem.status == 404 {
-                fault = Fault::invalid("dataset", fault.problem.detail);
-            }
-            fault
-        })?,
-        (Some(_), Some(_)) => return Err(Fault::invalid("dataset", "is an alternative to `scene`; give one")),
+        (None, Some(id)) => {
+            crate::datasets::routes::opening_scene(&app, &id).await.map_err(|mut fault| {
+                if fault.problem.status == 404 {
+                    fault = Fault::invalid("dataset", fault.problem.detail);
+                }
+                fault
+            })?
+        }
+        (Some(_), Some(_)) => {
+            return Err(Fault::invalid("dataset", "is an alternative to `scene`; give one"));
+        }
         (None, None) => return Err(Fault::invalid("scene", "is missing (or give `dataset`)")),
     };
     let session = app.sessions().create(&app, scene).await.map_err(|mut fault| {
@@ -220,7 +224,8 @@ pub async fn snapshot(
     let patience = Duration::from_secs(app.config().limits.still_seconds);
     let radiance = query.format != StillFormat::Png;
     let still = app.renderer().still(snapshot, target, radiance, patience).await?;
-    let (media_type, bytes) = crate::blocking("encoding a still", move || encoded(&still, query.format)).await??;
+    let (media_type, bytes) =
+        crate::blocking("encoding a still", move || encoded(&still, query.format)).await??;
     let headers = [
         (header::CONTENT_TYPE, HeaderValue::from_static(media_type)),
         (header::CACHE_CONTROL, HeaderValue::from_static("no-store")),

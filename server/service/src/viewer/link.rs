@@ -94,7 +94,13 @@ mod tests {
     use super::*;
 
     /// Sends frames over a link of a given rate and latency, one at a time.
-    fn play(meter: &mut LinkMeter, frames: std::ops::Range<u32>, bytes: impl Fn(u32) -> u64, rate: f64, latency: f64) {
+    fn play(
+        meter: &mut LinkMeter,
+        frames: std::ops::Range<u32>,
+        bytes: impl Fn(u32) -> u64,
+        rate: f64,
+        latency: f64,
+    ) {
         let mut now = Instant::now();
         for frame in frames {
             meter.sent(frame, bytes(frame), Some(100_000), now);

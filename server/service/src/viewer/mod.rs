@@ -57,12 +57,13 @@ enum Note {
         (status = FORBIDDEN, body = Problem, content_type = "application/problem+json", description = "A page of another origin"),
     )
 )]
-pub async fn view(State(app): State<Arc<App>>, Path(id): Path<String>, upgrade: WebSocketUpgrade) -> Response {
+pub async fn view(
+    State(app): State<Arc<App>>,
+    Path(id): Path<String>,
+    upgrade: WebSocketUpgrade,
+) -> Response {
     let most = app.config().limits.max_message_bytes;
-    upgrade
-        .max_message_size(most)
-        .max_frame_size(most)
-        .on_upgrade(move |socket| connection(app, id, socket))
+    upgrade.max_message_size(most).max_frame_size(most).on_upgrade(move |socket| connection(app, id, socket))
 }
 
 async fn connection(app: Arc<App>, id: String, mut socket: WebSocket) {

@@ -71,7 +71,12 @@ enum End {
 }
 
 impl Reader {
-    pub fn new(app: Arc<App>, member: Arc<Member>, meter: Arc<Mutex<LinkMeter>>, notes: mpsc::Sender<Note>) -> Self {
+    pub fn new(
+        app: Arc<App>,
+        member: Arc<Member>,
+        meter: Arc<Mutex<LinkMeter>>,
+        notes: mpsc::Sender<Note>,
+    ) -> Self {
         Self {
             app,
             member,
@@ -138,7 +143,11 @@ impl Reader {
     }
 
     /// Takes a message and all others that have arrived, then applies what they come to.
-    async fn take_together(&mut self, first: Message, stream: &mut SplitStream<WebSocket>) -> Result<(), End> {
+    async fn take_together(
+        &mut self,
+        first: Message,
+        stream: &mut SplitStream<WebSocket>,
+    ) -> Result<(), End> {
         self.arrived = Instant::now();
         self.take(first)?;
         for _ in 1..MAX_TOGETHER {
@@ -213,7 +222,8 @@ impl Reader {
         let full = self.patches.len() >= MAX_WAITING_PATCHES
             || self.patch_bytes.saturating_add(bytes) > MAX_WAITING_PATCH_BYTES;
         if full {
-            return self.reject(seq, FieldError::new("", "too many edits are waiting; send them again later"));
+            return self
+                .reject(seq, FieldError::new("", "too many edits are waiting; send them again later"));
         }
         self.patches.push((seq, patch));
         self.patch_bytes += bytes;
@@ -314,12 +324,14 @@ fn device_pixels(width: u32, height: u32, pixel_ratio: f64) -> Result<(u32, u32)
     }
     if !PIXEL_RATIOS.contains(&pixel_ratio) {
         let (low, high) = PIXEL_RATIOS.into_inner();
-        return Err(FieldError::new("pixel_ratio", format!("must be from {low} to {high}, got {pixel_ratio}")));
+        return Err(FieldError::new(
+            "pixel_ratio",
+            format!("must be from {low} to {high}, got {pixel_ratio}"),
+        ));
     }
     let (width, height) = (f64::from(width) * pixel_ratio, f64::from(height) * pixel_ratio);
-    let shrink = (MAX_VIEWPORT_EDGE / width.max(height))
-        .min((MAX_VIEWPORT_PIXELS / (width * height)).sqrt())
-        .min(1.0);
+    let shrink =
+        (MAX_VIEWPORT_EDGE / width.max(height)).min((MAX_VIEWPORT_PIXELS / (width * height)).sqrt()).min(1.0);
     let edge = |length: f64| (length * shrink).round().max(1.0) as u32;
     Ok((edge(width), edge(height)))
 }
@@ -337,9 +349,12 @@ mod tests {
         assert!((f64::from(width) / f64::from(height) - 16.0 / 9.0).abs() < 0.01);
         let (width, height) = device_pixels(30_000, 10, 1.0).unwrap();
         assert_eq!((width, height), (4096, 1));
-        for (width, height, ratio, field) in
-            [(0, 1, 1.0, "width"), (1, 99_999, 1.0, "height"), (1, 1, f64::NAN, "pixel_ratio"), (1, 1, 9.0, "pixel_ratio")]
-        {
+        for (width, height, ratio, field) in [
+            (0, 1, 1.0, "width"),
+            (1, 99_999, 1.0, "height"),
+            (1, 1, f64::NAN, "pixel_ratio"),
+            (1, 1, 9.0, "pixel_ratio"),
+        ] {
             assert_eq!(device_pixels(width, height, ratio).unwrap_err().field, field);
         }
     }

@@ -20,7 +20,8 @@ async fn the_list_has_every_sample_and_then_uploads() {
     assert!(!last.sample && last.name == "ball" && last.format == "nrrd");
     assert_eq!((last.dims, last.spacing), ([16; 3], [1.0, 1.0, 2.0]));
     assert!(last.created_unix_millis > 1_600_000_000_000);
-    let one: Dataset = serde_json::from_slice(&service.get(&format!("/datasets/{}", last.id)).await.ok().body).unwrap();
+    let one: Dataset =
+        serde_json::from_slice(&service.get(&format!("/datasets/{}", last.id)).await.ok().body).unwrap();
     assert_eq!(one, *last);
 }
 
@@ -62,7 +63,8 @@ async fn samples_open_with_their_own_scene() {
     assert_eq!(scene["volume"]["builtin"], "pillars");
     let scene = service.get("/datasets/stent/scene").await.ok().json();
     assert_eq!(scene["volume"]["dataset"], "stent");
-    let histogram: Histogram = serde_json::from_slice(&service.get("/datasets/stent/histogram").await.ok().body).unwrap();
+    let histogram: Histogram =
+        serde_json::from_slice(&service.get("/datasets/stent/histogram").await.ok().body).unwrap();
     assert_eq!(histogram.counts.iter().sum::<u64>(), 128 * 128 * 256);
 }
 

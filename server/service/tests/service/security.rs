@@ -21,7 +21,8 @@ async fn foreign_pages_change_nothing() {
     for origin in ["http://evil.example", "null", "http://localhost:9999"] {
         let answer = service.send(request(Method::POST, "/api/v1/sessions", host, Some(origin))).await;
         assert_eq!(answer.problem(403).kind, "/problems/forbidden");
-        let answer = service.send(request(Method::DELETE, "/api/v1/datasets/pillars", host, Some(origin))).await;
+        let answer =
+            service.send(request(Method::DELETE, "/api/v1/datasets/pillars", host, Some(origin))).await;
         answer.problem(403);
     }
     for origin in [None, Some("http://localhost:8080"), Some("https://lab.example")] {

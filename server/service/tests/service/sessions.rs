@@ -39,7 +39,8 @@ async fn scenes_are_replaced_and_patched_whole_or_not_at_all() {
     scene["density"] = json!(2.0);
     let answer = service.json(Method::PUT, &path, scene).await.ok().json();
     assert_eq!((answer["epoch"].as_u64(), answer["scene"]["density"].as_f64()), (Some(2), Some(2.0)));
-    let answer = service.json(Method::PATCH, &path, json!({"film": {"exposure_stops": 1.5}, "density": null})).await;
+    let answer =
+        service.json(Method::PATCH, &path, json!({"film": {"exposure_stops": 1.5}, "density": null})).await;
     let answer = answer.ok().json();
     assert_eq!(answer["scene"]["film"]["exposure_stops"], 1.5);
     assert_eq!(answer["scene"]["density"], 1.0, "null takes a field back to its default");
@@ -47,7 +48,10 @@ async fn scenes_are_replaced_and_patched_whole_or_not_at_all() {
     for (patch, field) in [
         (json!({"density": -1}), "density"),
         (json!({"colour": 1}), "colour"),
-        (json!({"transfer_function": {"points": [{"s": 0, "extinction": -1}]}}), "transfer_function.points[0].extinction"),
+        (
+            json!({"transfer_function": {"points": [{"s": 0, "extinction": -1}]}}),
+            "transfer_function.points[0].extinction",
+        ),
         (json!({"lights": [{"type": "laser"}]}), "lights[0].type"),
         (json!({"volume": {"builtin": null, "dims": null, "file": "/etc/passwd"}}), "volume.file"),
         (json!({"volume": {"builtin": null, "dims": null, "dataset": "nope"}}), "volume.dataset"),
@@ -124,7 +128,8 @@ async fn stills_come_in_three_formats() {
     assert!(picture.pixels().any(|pixel| pixel.0.iter().any(|&c| c > 100)), "something is lit");
 
     let exr = service.get(&format!("{path}?format=exr&width=40&height=30")).await.ok();
-    let exr = image::load_from_memory_with_format(&exr.body, image::ImageFormat::OpenExr).unwrap().to_rgb32f();
+    let exr =
+        image::load_from_memory_with_format(&exr.body, image::ImageFormat::OpenExr).unwrap().to_rgb32f();
     assert_eq!((exr.width(), exr.height()), (40, 30));
     let npy = service.get(&format!("{path}?format=npy&width=40&height=30")).await.ok().body;
     assert!(npy.starts_with(b"\x93NUMPY\x01\x00"));
@@ -139,7 +144,9 @@ async fn impossible_stills_are_refused() {
     let service = Service::with(|config| config.limits.max_waiting_stills = 0);
     let session = service.session().await;
     let path = format!("/sessions/{}/snapshot", session.id);
-    for (query, field) in [("width=0", "width"), ("height=9000", "height"), ("width=8000&height=8000", "width")] {
+    for (query, field) in
+        [("width=0", "width"), ("height=9000", "height"), ("width=8000&height=8000", "width")]
+    {
         let problem = service.get(&format!("{path}?{query}")).await.problem(422);
         assert_eq!(problem.field.as_deref(), Some(field));
     }
@@ -178,7 +185,8 @@ async fn the_service_describes_itself() {
         }
     }
     let schemas = &document["components"]["schemas"];
-    for name in ["Dataset", "Session", "SceneFile", "Problem", "ClientMessage", "ServerMessage", "Histogram"] {
+    for name in ["Dataset", "Session", "SceneFile", "Problem", "ClientMessage", "ServerMessage", "Histogram"]
+    {
         assert!(schemas[name].is_object(), "{name}");
     }
     assert_references(&document, schemas);

@@ -25,7 +25,8 @@ const MAX_BODY: usize = 64 << 20;
 /// Longest wait for something that must come; far beyond what it takes.
 pub const SOON: Duration = Duration::from_secs(60);
 
-static GPU: LazyLock<Arc<Gpu>> = LazyLock::new(|| Gpu::open(AdapterPolicy::Any).expect("tests need a device"));
+static GPU: LazyLock<Arc<Gpu>> =
+    LazyLock::new(|| Gpu::open(AdapterPolicy::Any).expect("tests need a device"));
 
 /// A service with its own data directory.
 pub struct Service {
@@ -111,7 +112,10 @@ impl Service {
         let mut body = Vec::new();
         for (field, file, content) in parts {
             body.extend_from_slice(
-                format!("--XX\r\nContent-Disposition: form-data; name=\"{field}\"; filename=\"{file}\"\r\n\r\n").as_bytes(),
+                format!(
+                    "--XX\r\nContent-Disposition: form-data; name=\"{field}\"; filename=\"{file}\"\r\n\r\n"
+                )
+                .as_bytes(),
             );
             body.extend_from_slice(content);
             body.extend_from_slice(b"\r\n");
@@ -254,7 +258,9 @@ impl Viewer {
                     }
                     return Some(Event::Frame(Frame { header, payload }));
                 }
-                Some(Ok(Message::Close(frame))) => return Some(Event::Closed(frame.map_or(1005, |f| f.code.into()))),
+                Some(Ok(Message::Close(frame))) => {
+                    return Some(Event::Closed(frame.map_or(1005, |f| f.code.into())));
+                }
                 Some(Ok(_)) => {}
                 Some(Err(_)) | None => return Some(Event::Closed(1006)),
             }
@@ -348,7 +354,8 @@ pub fn camera_at(degrees: f64) -> Camera {
 
 /// An NRRD file of a ball in a box of 16^3 voxels; `seed` varies the content.
 pub fn nrrd(seed: u8) -> Vec<u8> {
-    let mut bytes = b"NRRD0004\ntype: uint8\ndimension: 3\nsizes: 16 16 16\nspacings: 1 1 2\nencoding: raw\n\n".to_vec();
+    let mut bytes =
+        b"NRRD0004\ntype: uint8\ndimension: 3\nsizes: 16 16 16\nspacings: 1 1 2\nencoding: raw\n\n".to_vec();
     bytes.extend(ball(seed));
     bytes
 }

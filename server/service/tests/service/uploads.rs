@@ -31,13 +31,14 @@ async fn many_at_once_store_one_dataset() {
     let created = answers.iter().filter(|answer| answer.status == StatusCode::CREATED).count();
     assert_eq!(created, 1);
     assert!(answers.iter().all(|answer| answer.status.is_success()));
-    assert_eq!(service.stored_files().len(), 2, "{:?}", service.stored_files());
+    wait_until_stored(&service, 2).await;
 }
 
 #[tokio::test]
 async fn a_header_and_its_data_are_one_dataset() {
     let service = Service::new();
-    let header = b"NRRD0004\ntype: uint8\ndimension: 3\nsizes: 16 16 16\nencoding: raw\ndata file: ball.raw\n";
+    let header =
+        b"NRRD0004\ntype: uint8\ndimension: 3\nsizes: 16 16 16\nencoding: raw\ndata file: ball.raw\n";
     let voxels = ball(0);
     let answer = service.form(&[("file", "ball.raw", &voxels), ("file", "ball.nhdr", header)]).await;
     assert_eq!(answer.status, StatusCode::CREATED, "{}", answer.json());
@@ -56,7 +57,9 @@ async fn raw_files_are_described_by_a_query_or_a_sidecar() {
     let sidecar = br#"{"dims": [16, 16, 16], "type": "uint8"}"#;
     let by_sidecar = service.form(&[("file", "ball.raw", &ball(0)), ("file", "ball.json", sidecar)]).await;
     assert_eq!(by_sidecar.status, StatusCode::CREATED, "{}", by_sidecar.json());
-    for (query, field) in [("dims=16,16&type=uint8", "dims"), ("dims=16,16,16", "type"), ("type=uint8", "dims")] {
+    for (query, field) in
+        [("dims=16,16&type=uint8", "dims"), ("dims=16,16,16", "type"), ("type=uint8", "dims")]
+    {
         let problem = service.put(&format!("/datasets/ball.raw?{query}"), ball(0)).await.problem(422);
         assert_eq!(problem.field.as_deref(), Some(field));
     }
@@ -77,7 +80,7 @@ async fn what_no_reader_accepts_leaves_nothing_behind() {
     let problem = service.form(&[("data", "a.nrrd", &nrrd(0))]).await.problem(422);
     assert_eq!(problem.field.as_deref(), Some("data"));
     service.form(&[("file", "a.nrrd", &nrrd(0)), ("file", "x/a.nrrd", &nrrd(2))]).await.problem(422);
-    wait_until_empty(&service).await;
+    wait_until_stored(&service, 0).await;
 }
 
 #[tokio::test]
@@ -111,7 +114,7 @@ async fn limits_hold() {
     service.put("/datasets/a.nrrd", unannounced).await.problem(413);
     let small: &[u8] = b"x";
     service.form(&[("file", "a", small), ("file", "b", small), ("file", "c", small)]).await.problem(413);
-    wait_until_empty(&service).await;
+    wait_until_stored(&service, 0).await;
     service.put("/datasets/a.nrrd", nrrd(0)).await.ok();
     let problem = service.put("/datasets/b.nrrd", nrrd(2)).await.problem(507);
     assert_eq!(problem.kind, "/problems/storage-full");
@@ -148,7 +151,7 @@ async fn an_upload_that_breaks_off_leaves_nothing() {
     let service = Service::new();
     let pieces = [Ok(Bytes::from(nrrd(0)[..1000].to_vec())), Err(std::io::Error::other("cable pulled"))];
     service.put("/datasets/a.nrrd", Body::from_stream(futures_util::stream::iter(pieces))).await.problem(400);
-    wait_until_empty(&service).await;
+    wait_until_stored(&service, 0).await;
     // Over a socket: the connection goes away in the middle of the body.
     let listening = service.listen().await;
     let mut socket = tokio::net::TcpStream::connect(listening.address).await.unwrap();
@@ -164,16 +167,16 @@ async fn an_upload_that_breaks_off_leaves_nothing() {
     }
     assert_eq!(service.stored_files().len(), 1, "the upload is being received");
     drop(socket);
-    wait_until_empty(&service).await;
+    wait_until_stored(&service, 0).await;
 }
 
-/// Folders of refused uploads are removed in the background.
-async fn wait_until_empty(service: &Service) {
+/// Folders that were not stored are removed in the background.
+async fn wait_until_stored(service: &Service, files: usize) {
     for _ in 0..500 {
-        if service.stored_files().is_empty() {
+        if service.stored_files().len() == files {
             return;
         }
         tokio::time::sleep(std::time::Duration::from_millis(10)).await;
     }
-    panic!("left behind: {:?}", service.stored_files());
+    panic!("expected {files} files: {:?}", service.stored_files());
 }
