@@ -54,7 +54,7 @@ mod tests {
         let masks: Vec<u64> = (0..315u64).map(|i| u64::from((i * 2654435761) % 97 == 0)).collect();
         let map = distance_map(dims, &masks, 1);
         let coordinates = |i: usize| [i % 9, i / 9 % 7, i / 63].map(|x| x as i64);
-        for i in 0..315 {
+        for (i, &distance) in map.iter().enumerate() {
             let expected = (0..315)
                 .filter(|&j| masks[j] == 1)
                 .map(|j| {
@@ -63,7 +63,7 @@ mod tests {
                 })
                 .min()
                 .unwrap();
-            assert_eq!(i64::from(map[i]), expected, "cell {i}");
+            assert_eq!(i64::from(distance), expected, "cell {i}");
         }
     }
 

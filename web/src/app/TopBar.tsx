@@ -2,7 +2,6 @@
 
 import { FileButton, NativeSelect, Select, Tooltip, useMantineColorScheme } from "@mantine/core";
 import { explore, takeFiles, useDatasets } from "../datasets/store";
-import type { Method } from "../generated/proto";
 import { methodChoices, shortcoming } from "../quality/methods";
 import { session } from "../session/engine";
 import { useSession } from "../session/store";
@@ -29,7 +28,7 @@ export function TopBar() {
       <IconButton icon="undo" label="Undo" hotkey="Z" disabled={!canUndo} onClick={() => session.undo()} testId="undo" />
       <IconButton icon="redo" label="Redo" hotkey="Shift Z" disabled={!canRedo} onClick={() => session.redo()} testId="redo" />
       <span className="top-rule" />
-      <FileButton accept=".json,application/json" onChange={(file) => file && void takeFiles([file]).catch(sayError)}>
+      <FileButton accept=".json,application/json" inputProps={sceneInput} onChange={(file) => file && void takeFiles([file]).catch(sayError)}>
         {(props) => <IconButton icon="open" label="Open a scene file" testId="open-scene" {...props} />}
       </FileButton>
       <IconButton icon="save" label="Save the scene as a file" disabled={!hasScene} onClick={saveScene} testId="save-scene" />
@@ -42,6 +41,15 @@ export function TopBar() {
   );
 }
 
+/** Browser tests put files here. */
+const sceneInput = { "data-testid": "scene-input" } as object;
+
+/** Opens a dataset; says here what would be said at its card if the panel were open. */
+async function choose(id: string): Promise<void> {
+  const problem = id === "" ? null : await explore(id);
+  if (problem !== null && !useUi.getState().leftOpen) sayError(new Error(problem));
+}
+
 function DatasetSelect() {
   const list = useDatasets((state) => state.list);
   const current = useSession((state) => state.dataset);
@@ -52,7 +60,7 @@ function DatasetSelect() {
   ].filter(({ items }) => items.length > 0);
   const known = list.some(({ id }) => id === current?.id);
   const data = [...(current && !known ? [option(current)] : []), ...(current ? [] : [{ value: "", label: "no dataset" }]), ...groups];
-  return <NativeSelect aria-label="Dataset" className="top-dataset" value={current?.id ?? ""} data={data} data-testid="dataset-select" onChange={(event) => event.currentTarget.value !== "" && void explore(event.currentTarget.value)} />;
+  return <NativeSelect aria-label="Dataset" className="top-dataset" value={current?.id ?? ""} data={data} data-testid="dataset-select" onChange={(event) => void choose(event.currentTarget.value)} />;
 }
 
 function MethodSelect() {
@@ -76,7 +84,7 @@ function MethodSelect() {
           maxDropdownHeight={420}
           data-testid="method-select"
           data-method={method}
-          onChange={(next) => next && session.edit({ illumination: { method: next as Method } })}
+          onChange={(next) => next && session.edit({ illumination: { method: next } })}
           renderOption={({ option }) => {
             const { gives, label } = methodChoices.find((other) => other.method === option.value) ?? { gives: "", label: option.label };
             return (

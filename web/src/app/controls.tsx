@@ -72,21 +72,32 @@ interface NumberFieldProps {
   testId: string;
 }
 
-/** A number; only values in range are passed on, each as it is typed. */
+/**
+ * A number; values in range are passed on as they are typed. While it is typed the text is the
+ * person's: what the scene makes of it (a point stops at its neighbour) is shown afterwards.
+ */
 export function NumberField({ label, value, onChange, min, max, step = 0.1, digits = 4, width = 68, suffix, testId }: NumberFieldProps) {
+  const [draft, setDraft] = useState<number | string | null>(null);
+  const finish = () => setDraft(null);
   return (
     <NumberInput
       aria-label={label}
       data-testid={testId}
       w={width}
-      value={rounded(value, digits)}
+      value={draft ?? rounded(value, digits)}
       step={step}
       hideControls
-      clampBehavior="blur"
+      clampBehavior="none"
       {...(min === undefined ? {} : { min })}
       {...(max === undefined ? {} : { max })}
       {...(suffix === undefined ? {} : { suffix })}
+      onBlur={finish}
+      onKeyDown={(event) => {
+        if (event.key === "Enter") finish();
+        if (event.key === "Escape") event.currentTarget.blur();
+      }}
       onChange={(next) => {
+        setDraft(next);
         const number = typeof next === "number" ? next : Number.NaN;
         if (Number.isFinite(number) && number >= (min ?? -Infinity) && number <= (max ?? Infinity) && number !== rounded(value, digits)) onChange(number);
       }}
@@ -151,6 +162,11 @@ export function ColorField({ label, color, onChange, testId }: {
     const linear = linearFromHex(text);
     if (linear && text !== hex) onChange(linear);
   };
+  const typed = (text: string) => {
+    if (text === hex || !linearFromHex(text)) return;
+    pick(text);
+    useUi.getState().usedColour(text);
+  };
   return (
     <Popover opened={opened} onChange={setOpened} position="left" withinPortal trapFocus>
       <Popover.Target>
@@ -179,9 +195,9 @@ export function ColorField({ label, color, onChange, testId }: {
           spellCheck={false}
           data-testid={`${testId}-hex`}
           onKeyDown={(event) => {
-            if (event.key === "Enter") pick(event.currentTarget.value);
+            if (event.key === "Enter") typed(event.currentTarget.value);
           }}
-          onBlur={(event) => pick(event.currentTarget.value)}
+          onBlur={(event) => typed(event.currentTarget.value)}
         />
       </Popover.Dropdown>
     </Popover>

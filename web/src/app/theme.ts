@@ -1,6 +1,6 @@
 /** Mantine's variables, all taken from tokens.css. */
 
-import { createTheme, type CSSVariablesResolver } from "@mantine/core";
+import { createTheme, type ButtonProps, type CSSVariablesResolver, type MantineTheme } from "@mantine/core";
 
 const compact = { defaultProps: { size: "xs" } };
 
@@ -24,7 +24,12 @@ export const theme = createTheme({
     SegmentedControl: compact,
     Slider: { defaultProps: { size: 3, thumbSize: 12 } },
     RangeSlider: { defaultProps: { size: 3, thumbSize: 12 } },
-    Button: { ...compact, vars: () => ({ root: { "--button-height": "26px", "--button-padding-x": "10px", "--button-fz": "var(--text-body)" } }) },
+    Button: {
+      ...compact,
+      vars: (_theme: MantineTheme, { size }: ButtonProps) => ({
+        root: { "--button-height": size === "xs" ? "26px" : "22px", "--button-padding-x": size === "xs" ? "10px" : "8px", "--button-fz": "var(--text-body)" },
+      }),
+    },
     ActionIcon: { defaultProps: { size: 26, variant: "subtle" } },
     Tooltip: { defaultProps: { openDelay: 450, withArrow: false, multiline: true, maw: 280, fz: "var(--text-body)" } },
     Popover: { defaultProps: { shadow: "md" } },

@@ -12,6 +12,9 @@ import { formatDims } from "./format";
 import { explore, refreshDatasets, removeDataset, takeFiles, useDatasets } from "./store";
 import { DatasetFacts, UploadTiles } from "./UploadTiles";
 
+/** Browser tests put files here. */
+const uploadInput = { "data-testid": "upload-input" } as object;
+
 export function DatasetsPanel() {
   const list = useDatasets((state) => state.list);
   const error = useDatasets((state) => state.listError);
@@ -20,7 +23,7 @@ export function DatasetsPanel() {
   return (
     <>
       <div className="upload-bar">
-        <FileButton multiple onChange={(files) => void takeFiles(files).catch(sayError)}>
+        <FileButton multiple inputProps={uploadInput} onChange={(files) => void takeFiles(files).catch(sayError)}>
           {(props) => (
             <Button {...props} fullWidth variant="default" leftSection={<Icon name="upload" size={13} />} data-testid="upload-button">Upload a volume</Button>
           )}

@@ -39,16 +39,19 @@ describe("a raw file's layout", () => {
   });
 
   it("is checked against the file", () => {
-    const layout = { dims: [4, 4, 4] as [number, number, number], type: "uint16" as const, endian: "little" as const, header_bytes: 10 };
+    const layout = { dims: [4, 4, 4] as [number, number, number], type: "uint16" as const, endian: "little" as const, header_bytes: 10,
+      spacing: [1, 1, 2] as [number, number, number] };
     expect(layoutProblem(layout, 138, false)).toBeNull();
     expect(layoutProblem(layout, 137, false)).toContain("only 137");
     expect(layoutProblem(layout, 140, false)).toContain("2 bytes of the file unused");
     expect(layoutProblem(layout, 1, true)).toBeNull();
     expect(layoutProblem({ ...layout, dims: [0, 1, 1] }, 138, true)).toContain("at least 1");
+    expect(layoutProblem({ ...layout, spacing: [1, 0, 1] }, 138, true)).toContain("greater than 0");
   });
 
   it("is stated beside the file", () => {
-    expect(sidecarName("fuel_64.raw.gz")).toBe("fuel_64.json");
+    expect(sidecarName("fuel_64.raw.gz")).toBe("fuel_64.raw.gz.json");
+    expect(groups("a.raw.json", "b.raw", "a.raw")).toEqual([["a.raw.json", "a.raw"], ["b.raw"]]);
   });
 });
 

@@ -23,6 +23,8 @@ export interface RawLayout {
   type: VoxelType;
   endian: Endian;
   header_bytes: number;
+  /** Edges of a voxel. */
+  spacing: [number, number, number];
 }
 
 const HEADER_EXTENSIONS = ["nhdr", "mhd", "hdr", "json"];
@@ -38,8 +40,8 @@ export const voxelBytes: Record<VoxelType, number> = {
 const extensionOf = (name: string): string => /\.([^.]+)$/.exec(name.replace(PACKED, ""))?.[1]?.toLowerCase() ?? "";
 const stemOf = (name: string): string => name.replace(PACKED, "").replace(/\.[^.]+$/, "").toLowerCase();
 
-/** The name of the sidecar that states a raw file's layout. */
-export const sidecarName = (rawName: string): string => `${rawName.replace(PACKED, "").replace(/\.[^.]+$/, "")}.json`;
+/** The name of the sidecar that states a raw file's layout: found for packed files, too. */
+export const sidecarName = (rawName: string): string => `${rawName}.json`;
 
 /** One group for each header with its data, one for a series, one for each other file. */
 export function groupFiles<F extends Named>(files: readonly F[]): Group<F>[] {
@@ -49,7 +51,7 @@ export function groupFiles<F extends Named>(files: readonly F[]): Group<F>[] {
   const rest = files.filter((file) => !isHeader(file) && !series.includes(file));
   const taken = new Set<F>();
   const groups: Group<F>[] = headers.map((header) => {
-    const sameStem = rest.filter((file) => stemOf(file.name) === stemOf(header.name));
+    const sameStem = rest.filter((file) => stemOf(file.name) === stemOf(header.name) || header.name === sidecarName(file.name));
     // A single header describes the other file even where their names differ.
     const data = sameStem.length > 0 || headers.length > 1 || rest.length > 1 ? sameStem : rest;
     data.forEach((file) => taken.add(file));
@@ -78,7 +80,7 @@ export function guessLayout({ name, size }: Named): RawLayout {
   const perVoxel = size / (dims[0] * dims[1] * dims[2]);
   const bySize: Record<number, VoxelType> = { 1: "uint8", 2: "uint16", 4: "float32", 8: "float64" };
   const type = typeWords.find(([word]) => word.test(name))?.[1] ?? bySize[perVoxel] ?? "uint8";
-  return { dims, type, endian: "little", header_bytes: 0 };
+  return { dims, type, endian: "little", header_bytes: 0, spacing: [1, 1, 1] };
 }
 
 export const isPacked = (name: string): boolean => PACKED.test(name);
@@ -86,6 +88,7 @@ export const isPacked = (name: string): boolean => PACKED.test(name);
 /** Why a layout does not fit a file of `size` bytes; null if it does. */
 export function layoutProblem(layout: RawLayout, size: number, packed: boolean): string | null {
   if (layout.dims.some((voxels) => !Number.isInteger(voxels) || voxels < 1)) return "The size must be whole numbers of at least 1.";
+  if (layout.spacing.some((edge) => !(edge > 0))) return "The spacing must be greater than 0.";
   if (!Number.isInteger(layout.header_bytes) || layout.header_bytes < 0) return "The header must be a whole number of bytes.";
   const needed = layout.header_bytes + layout.dims[0] * layout.dims[1] * layout.dims[2] * voxelBytes[layout.type];
   if (packed || needed === size) return null;

@@ -51,12 +51,16 @@ export async function refreshDatasets(): Promise<void> {
   }
 }
 
-export async function explore(id: string): Promise<void> {
+/** Opens a dataset; why it did not work is shown at its card, and returned. */
+export async function explore(id: string): Promise<string | null> {
   set({ opening: id, datasetError: null });
   try {
     await session.openDataset(id);
+    return null;
   } catch (error) {
-    set({ datasetError: { id, message: wordsOf(error) } });
+    const message = wordsOf(error);
+    set({ datasetError: { id, message } });
+    return message;
   } finally {
     set({ opening: null });
   }

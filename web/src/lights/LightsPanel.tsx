@@ -4,7 +4,7 @@ import { Button, Menu } from "@mantine/core";
 import { ColorField, IconButton, NumberField, Row, Section, SliderField, TripleField } from "../app/controls";
 import { Icon } from "../app/Icon";
 import { useUi } from "../app/uiStore";
-import { MAX_LIGHTS, type Camera, type Light } from "../generated/proto";
+import { MAX_LIGHTS, type Light } from "../generated/proto";
 import { session } from "../session/engine";
 import { useSession } from "../session/store";
 import { currentCamera } from "../viewport/actions";
@@ -27,7 +27,6 @@ const select = (selectedLight: number | null): void => void useUi.setState({ sel
 
 export function LightsPanel() {
   const lights = useSession((state) => state.scene?.lights);
-  const camera = useSession((state) => state.scene?.camera);
   const selected = useUi((ui) => ui.selectedLight);
   if (!lights) return null;
 
@@ -68,8 +67,8 @@ export function LightsPanel() {
         ))}
       </ul>
       {lights.length === 0 && <p className="hint">No lights: only emission is seen. Add one, or take a set above.</p>}
-      {light && selected !== null && camera && (
-        <LightDetail light={light} camera={camera} onChange={(to, key) => change(selected, to, `${key}-${selected}`)} />
+      {light && selected !== null && (
+        <LightDetail light={light} onChange={(to, key) => change(selected, to, `${key}-${selected}`)} />
       )}
     </Section>
   );
@@ -94,12 +93,13 @@ function AddLight({ lights, onAdd }: { lights: readonly Light[]; onAdd: (type: L
   );
 }
 
-function LightDetail({ light, camera, onChange }: { light: Light; camera: Camera; onChange: (light: Light, key: string) => void }) {
+function LightDetail({ light, onChange }: { light: Light; onChange: (light: Light, key: string) => void }) {
+  const camera = useSession((state) => state.scene?.camera);
   const towards = towardsLight(light);
   const place = placeOf(light);
   return (
     <div className="light-detail" data-testid="light-detail">
-      {towards && <DirectionSphere towards={toView(camera, towards)} onChange={(direction) => onChange(comeFrom(light, fromView(camera, direction)), "direction")} />}
+      {towards && camera && <DirectionSphere towards={toView(camera, towards)} onChange={(direction) => onChange(comeFrom(light, fromView(camera, direction)), "direction")} />}
       <div className="light-numbers">
         <SliderField label="Strength" hint={quantityOf(light)} value={lightStrength(light)} min={0} max={MAX_STRENGTH} sliderMax={SLIDER_STRENGTH} step={0.1} toSlider={Math.sqrt} fromSlider={(x) => x * x} testId="light-strength" onChange={(strength) => onChange(setStrength(light, strength), "strength")} />
         {place && <TripleField label="Position" value={place} testId="light-position" onChange={(to) => onChange(setPlace(light, to), "place")} />}

@@ -8,33 +8,23 @@
 
 import * as rest from "../api/rest";
 import {
-  PROTOCOL_VERSION, type Camera, type ClientMessage, type CreateSession, type FrameHeader, type SceneFile, type ServerMessage,
+  PROTOCOL_VERSION, type Camera, type CreateSession, type FrameHeader, type SceneFile, type ServerMessage,
 } from "../generated/proto";
 import { type Patch } from "../scene/mergePatch";
+import { Connection } from "./connection";
 import { EditLog } from "./edits";
 import { FrameReceiver } from "./frames";
+import { Inputs, type ViewportSize } from "./inputs";
 import { Meters } from "./meters";
-import { parseAddress, decodeScene, sessionAddress } from "./shareLink";
+import { decodeScene, parseAddress, sessionAddress } from "./shareLink";
 import { useSession, type SessionState } from "./store";
 import { SceneSync } from "./sync";
 import { loadView, saveView } from "./viewMemory";
 
-/** Pauses between attempts to connect, milliseconds; the last repeats. */
-const RETRY_MILLIS = [300, 700, 1500, 3000, 6000, 10_000] as const;
-/** Close code of a session that does not exist. */
-const CLOSE_SESSION_GONE = 4404;
 /** How often the readings in the status line change, milliseconds. */
 const READINGS_MILLIS = 250;
-/** Inputs of a hidden page are sent this often, milliseconds: it gets no animation frames. */
-const HIDDEN_FLUSH_MILLIS = 100;
 /** Longest wait for the server to confirm the camera before a still is asked for, milliseconds. */
 const SETTLE_MILLIS = 3000;
-
-export interface ViewportSize {
-  width: number;
-  height: number;
-  pixel_ratio: number;
-}
 
 type Presenter = (picture: ImageBitmap, header: FrameHeader) => void;
 
@@ -44,29 +34,38 @@ class Engine {
   private sync: SceneSync | null = null;
   private edits = new EditLog();
   private readonly meters = new Meters();
-  private socket: WebSocket | null = null;
   private receiver: FrameReceiver<ImageBitmap> | null = null;
+  /** The server has greeted this connection: inputs may be sent. */
   private welcomed = false;
-  private attempt = 0;
-  private retryTimer: number | undefined;
-  private seq = 0;
-  private flushPending = false;
-  private cameraMoved = false;
-  private viewport: ViewportSize | null = null;
-  private viewportChanged = false;
   private presenter: Presenter | null = null;
   private settleWaiters: (() => void)[] = [];
   /** Grows with every session that is asked for; answers to older wishes are dropped. */
   private wish = 0;
+  private readonly connection = new Connection({
+    message: (message) => this.takeMessage(message),
+    picture: (buffer) => this.takeFrame(buffer),
+    lost: () => {
+      this.forgetConnection();
+      set({ link: "lost", progress: null });
+    },
+    gone: () => void this.recreate(),
+    foreign: () => this.refuseProtocol(),
+    waiting: (retryAt) => set({ retryAt }),
+  });
+  private readonly inputs = new Inputs({
+    scene: () => (this.welcomed ? this.sync : null),
+    send: (message) => this.connection.send(message),
+    numbered: (seq) => this.meters.inputSent(seq, performance.now()),
+  });
 
   /** Opens what the address asks for, else the first dataset the service offers. */
   start(): void {
     window.addEventListener("hashchange", () => void this.followAddress());
     window.addEventListener("pagehide", () => this.rememberView());
-    window.addEventListener("online", () => this.retryNow());
+    window.addEventListener("online", () => this.connection.retryNow());
     document.addEventListener("visibilitychange", () => {
-      this.send({ type: "visible", visible: !document.hidden });
-      if (!document.hidden) this.retryNow();
+      this.connection.send({ type: "visible", visible: !document.hidden });
+      if (!document.hidden) this.connection.retryNow();
     });
     // A drag ends with its pointer wherever it is let go, also outside the control it began in.
     for (const end of ["pointerup", "pointercancel", "keyup"]) window.addEventListener(end, () => window.setTimeout(() => this.endGesture()));
@@ -95,10 +94,11 @@ class Engine {
     const before = sync.scene;
     sync.edit(patch);
     this.edits.edited(before, sync.scene, key, performance.now());
-    const { fieldError } = useSession.getState();
+    const { fieldError, failure } = useSession.getState();
     if (fieldError && rootOf(fieldError.field) in patch) set({ fieldError: null });
+    if (failure !== null) set({ failure: null });
     this.publishScene();
-    this.scheduleFlush();
+    this.inputs.schedule();
   }
 
   beginGesture(): void {
@@ -120,35 +120,31 @@ class Engine {
   moveCamera(camera: Camera): void {
     if (!this.sync) return;
     this.sync.moveCamera(camera);
-    this.cameraMoved = true;
     this.publishScene();
-    this.scheduleFlush();
+    this.inputs.moveCamera();
   }
 
   resize(viewport: ViewportSize): void {
-    const old = this.viewport;
-    if (old?.width === viewport.width && old.height === viewport.height && old.pixel_ratio === viewport.pixel_ratio) return;
-    this.viewport = viewport;
-    this.viewportChanged = true;
-    this.scheduleFlush();
+    this.inputs.resize(viewport);
   }
 
   /** A still of what this viewer sees, drawn by the server at the viewport's device pixels. */
   async still(): Promise<Blob> {
     const { sessionId, scene } = useSession.getState();
-    if (!sessionId || !scene?.camera || !this.viewport || !this.sync) throw new Error("There is no picture yet.");
+    const { viewport } = this.inputs;
+    if (!sessionId || !scene?.camera || !viewport || !this.sync) throw new Error("There is no picture yet.");
     // The server draws stills with the session's camera: make it this viewer's first.
     const camera = { orthographic_height: null, fov_y_degrees: null, ...scene.camera };
     this.sync.edit({ camera });
-    this.scheduleFlush();
+    this.inputs.schedule();
     await this.settled();
-    const { width, height, pixel_ratio } = this.viewport;
+    const { width, height, pixel_ratio } = viewport;
     return rest.getSnapshot(sessionId, Math.round(width * pixel_ratio), Math.round(height * pixel_ratio));
   }
 
   /** Tries to connect at once instead of waiting for the next attempt. */
   retryNow(): void {
-    if (useSession.getState().link === "lost" && this.retryTimer !== undefined) void this.reconnect();
+    this.connection.retryNow();
   }
 
   private walk(step: (edits: EditLog) => Patch | null): void {
@@ -159,7 +155,7 @@ class Engine {
     if (!patch) return;
     sync.edit(patch);
     this.publishScene();
-    this.scheduleFlush();
+    this.inputs.schedule();
   }
 
   private async refreshStatus(): Promise<void> {
@@ -192,119 +188,67 @@ class Engine {
     try {
       const [first] = await rest.getDatasets();
       if (wish !== this.wish) return;
-      if (first) await this.openDataset(first.id);
-      else set({ link: "idle", failure: "There is no dataset yet. Drop a volume file anywhere on the page." });
+      if (first) await this.create({ dataset: first.id }, wish);
+      else set({ link: "failed", failure: "There is no dataset yet. Drop a volume file anywhere on the page." });
     } catch (error) {
       if (wish === this.wish) this.openLater(error, () => void this.openFirstDataset());
     }
   }
 
-  /** Opens a new session; the old one's picture stays until the new one's arrives. */
+  /** Opens a new session; the old one stays until the new one is there. */
   private async open(request: CreateSession): Promise<void> {
     const { sessionId, link } = useSession.getState();
     const wish = this.begin();
     try {
-      const session = await rest.createSession(request);
-      if (wish !== this.wish) return;
-      this.adopt(session.id, session.scene);
-      window.history[sessionId ? "pushState" : "replaceState"](null, "", sessionAddress(session.id));
-      this.connect();
+      await this.create(request, wish);
     } catch (error) {
-      // A session on screen stays as it was: nothing has been closed yet.
       if (wish === this.wish) set(sessionId ? { link } : { link: "failed", failure: wordsOf(error) });
       throw error;
     }
   }
 
+  private async create(request: CreateSession, wish: number): Promise<void> {
+    const { sessionId } = useSession.getState();
+    const session = await rest.createSession(request);
+    if (wish !== this.wish) return;
+    this.adopt(session.id, session.scene);
+    window.history[sessionId ? "pushState" : "replaceState"](null, "", sessionAddress(session.id));
+    this.connection.connect(session.id);
+  }
+
   private attach(id: string): void {
     this.begin();
     this.adopt(id, null);
-    void this.reconnect();
+    void this.connection.find(id);
   }
 
   private begin(): number {
     this.wish += 1;
     this.rememberView();
-    const link = useSession.getState().link;
-    set({ link: link === "open" ? "open" : "connecting", failure: null });
+    const { link } = useSession.getState();
+    // While the service is away its reason stays on screen until an attempt works.
+    if (link !== "lost") set({ link: link === "open" ? "open" : "connecting", failure: null });
     return this.wish;
   }
 
   private adopt(id: string, scene: SceneFile | null): void {
-    this.disconnect();
+    this.connection.close();
+    this.connection.succeeded();
+    this.forgetConnection();
     this.sync = scene ? new SceneSync(scene) : null;
     this.edits = new EditLog();
-    this.attempt = 0;
     set({
-      sessionId: id, link: "connecting", dataset: null, histogram: null, startCamera: null, report: null, awaitingPicture: true,
-      progress: null, failure: null, fieldError: null, canUndo: false, canRedo: false, scene: scene ?? useSession.getState().scene,
+      sessionId: id, link: "connecting", retryAt: null, dataset: null, histogram: null, startCamera: null, report: null,
+      awaitingPicture: true, progress: null, failure: null, fieldError: null, canUndo: false, canRedo: false,
+      scene: scene ?? useSession.getState().scene,
     });
   }
 
-  private disconnect(): void {
-    window.clearTimeout(this.retryTimer);
-    this.retryTimer = undefined;
+  private forgetConnection(): void {
     this.receiver?.close();
     this.receiver = null;
     this.welcomed = false;
     this.meters.disconnected();
-    const { socket } = this;
-    this.socket = null;
-    socket?.close();
-  }
-
-  private connect(): void {
-    const id = useSession.getState().sessionId;
-    if (!id) return;
-    this.disconnect();
-    const socket = new WebSocket(rest.viewUrl(id));
-    socket.binaryType = "arraybuffer";
-    this.socket = socket;
-    socket.onopen = () => this.send({ type: "hello", protocol: PROTOCOL_VERSION });
-    socket.onmessage = (event: MessageEvent<string | ArrayBuffer>) => {
-      if (socket !== this.socket) return;
-      if (typeof event.data === "string") this.takeMessage(JSON.parse(event.data) as ServerMessage);
-      else this.takeFrame(event.data);
-    };
-    socket.onclose = (event) => {
-      if (socket === this.socket) this.lost(event.code);
-    };
-  }
-
-  private lost(code: number): void {
-    this.disconnect();
-    set({ link: "lost", progress: null });
-    if (code === CLOSE_SESSION_GONE) void this.recreate();
-    else this.retryLater();
-  }
-
-  private retryLater(): void {
-    const pause = RETRY_MILLIS[Math.min(this.attempt, RETRY_MILLIS.length - 1)] ?? 0;
-    this.attempt += 1;
-    window.clearTimeout(this.retryTimer);
-    this.retryTimer = window.setTimeout(() => void this.reconnect(), pause);
-    set({ retryAt: Date.now() + pause });
-  }
-
-  /** Asks whether the session still exists, then connects; a socket alone cannot tell. */
-  private async reconnect(): Promise<void> {
-    const { sessionId } = useSession.getState();
-    const { wish } = this;
-    window.clearTimeout(this.retryTimer);
-    this.retryTimer = undefined;
-    set({ retryAt: null });
-    if (!sessionId) return;
-    try {
-      await rest.getSession(sessionId);
-      if (wish === this.wish) this.connect();
-    } catch (error) {
-      if (wish !== this.wish) return;
-      if (error instanceof rest.ProblemError && error.status === 404) await this.recreate();
-      else {
-        set({ link: "lost" });
-        this.retryLater();
-      }
-    }
   }
 
   /** The session is gone: opens one like it from the scene on screen. */
@@ -318,29 +262,20 @@ class Engine {
     try {
       const session = await rest.createSession({ scene });
       if (wish !== this.wish) return;
-      const { startCamera } = useSession.getState();
-      const { sync, edits } = this;
-      sync?.reattach(session.scene);
+      this.sync?.reattach(session.scene);
       window.history.replaceState(null, "", sessionAddress(session.id));
-      set({ sessionId: session.id, startCamera });
-      this.edits = edits;
-      this.connect();
+      set({ sessionId: session.id });
+      this.connection.connect(session.id);
     } catch (error) {
       if (wish === this.wish) this.openLater(error, () => void this.recreate());
     }
   }
 
-  /** A first connection that did not work out: again later if the service is away, else say why. */
+  /** Opening did not work: again later where the service is away or full, else say why. */
   private openLater(error: unknown, again: () => void): void {
-    if (error instanceof rest.ProblemError && error.status !== rest.UNREACHABLE && error.status < 500) {
-      set({ link: "failed", failure: wordsOf(error) });
-      return;
-    }
-    const pause = RETRY_MILLIS[Math.min(this.attempt, RETRY_MILLIS.length - 1)] ?? 0;
-    this.attempt += 1;
-    set({ link: "lost", failure: wordsOf(error), retryAt: Date.now() + pause });
-    window.clearTimeout(this.retryTimer);
-    this.retryTimer = window.setTimeout(again, pause);
+    const refused = error instanceof rest.ProblemError && error.status !== rest.UNREACHABLE && error.status < 500;
+    set({ link: refused ? "failed" : "lost", failure: wordsOf(error) });
+    if (!refused) this.connection.retry(again);
   }
 
   private takeMessage(message: ServerMessage): void {
@@ -373,12 +308,11 @@ class Engine {
 
   private welcome(message: Extract<ServerMessage, { type: "welcome" }>): void {
     if (message.protocol !== PROTOCOL_VERSION) {
-      this.disconnect();
-      set({ link: "failed", failure: "The service speaks another version of the protocol. Reload the page." });
+      this.refuseProtocol();
       return;
     }
     this.welcomed = true;
-    this.attempt = 0;
+    this.connection.succeeded();
     const remembered = loadView(message.session);
     if (this.sync) this.sync.reattach(message.scene);
     else this.sync = new SceneSync(remembered ? { ...message.scene, camera: remembered.camera } : message.scene);
@@ -390,11 +324,14 @@ class Engine {
     });
     if (changed && message.dataset) void this.loadHistogram(message.dataset.id);
     if (!useSession.getState().status) void this.refreshStatus();
-    this.cameraMoved = this.sync.scene.camera !== undefined;
-    this.viewportChanged = this.viewport !== null;
-    if (document.hidden) this.send({ type: "visible", visible: false });
+    if (document.hidden) this.connection.send({ type: "visible", visible: false });
     this.publishScene();
-    this.flush();
+    this.inputs.repeat();
+  }
+
+  private refuseProtocol(): void {
+    this.connection.close();
+    set({ link: "failed", failure: "The service speaks another version of the protocol. Reload the page." });
   }
 
   private async loadHistogram(id: string): Promise<void> {
@@ -417,7 +354,7 @@ class Engine {
     this.receiver ??= new FrameReceiver<ImageBitmap>({
       decode: (payload) => createImageBitmap(payload, { colorSpaceConversion: "none" }),
       show: (picture, header) => this.showFrame(picture, header),
-      acknowledge: (frame, decode_millis) => this.send({ type: "ack", frame, decode_millis }),
+      acknowledge: (frame, decode_millis) => this.connection.send({ type: "ack", frame, decode_millis }),
       damaged: (failure) => set({ failure }),
       now: () => performance.now(),
     });
@@ -428,42 +365,6 @@ class Engine {
     this.presenter?.(picture, header);
     this.meters.frameShown(header.seq, performance.now());
     set({ frame: header, awaitingPicture: false, progress: null });
-  }
-
-  private scheduleFlush(): void {
-    if (this.flushPending) return;
-    this.flushPending = true;
-    const flush = () => {
-      this.flushPending = false;
-      this.flush();
-    };
-    if (document.hidden) window.setTimeout(flush, HIDDEN_FLUSH_MILLIS);
-    else window.requestAnimationFrame(flush);
-  }
-
-  /** Sends what changed since the last time, each thing at most once. */
-  private flush(): void {
-    if (!this.welcomed || !this.sync) return;
-    if (this.viewportChanged && this.viewport) {
-      this.viewportChanged = false;
-      this.send({ type: "viewport", seq: this.nextSeq(), ...this.viewport });
-    }
-    for (const { seq, patch } of this.sync.takeUnsent(() => this.nextSeq())) this.send({ type: "patch", seq, patch });
-    const { camera } = this.sync.scene;
-    if (this.cameraMoved && camera) {
-      this.cameraMoved = false;
-      this.send({ type: "camera", seq: this.nextSeq(), camera });
-    }
-  }
-
-  private nextSeq(): number {
-    this.seq += 1;
-    this.meters.inputSent(this.seq, performance.now());
-    return this.seq;
-  }
-
-  private send(message: ClientMessage): void {
-    if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(message));
   }
 
   private settled(): Promise<void> {

@@ -14,6 +14,8 @@ import { formatValue, histogramColumns, panWindow, ticks, valueOf, zoomWindow, t
 const PLOT_HEIGHT = 148;
 const AXIS_HEIGHT = 20;
 const MARGIN = 8;
+/** Labels of the axis closer than this to an end grow inwards, pixels. */
+const EDGE = 14;
 /** Nudge of an arrow key: shares of the value window and of the opacity axis; Shift takes ten. */
 const NUDGE_S = 1 / 400;
 const NUDGE_HEIGHT = 1 / 200;
@@ -155,90 +157,90 @@ export function Editor({ points, histogram, range, onNumbers }: {
 
   return (
     <div ref={frame}>
-    <svg
-      ref={svg}
-      className="tf"
-      height={PLOT_HEIGHT + AXIS_HEIGHT}
-      data-testid="tf-editor"
-      data-window={window.join(" ")}
-      onPointerMove={move}
-      onPointerUp={release}
-      onPointerCancel={release}
-      onPointerLeave={() => setPointer(null)}
-      onDoubleClick={add}
-      onContextMenu={(event) => event.preventDefault()}
-    >
-      <defs>
-        <clipPath id={`${id}-clip`}><rect x={plot.left} y={0} width={plot.width} height={floor + 1} /></clipPath>
-        <linearGradient id={`${id}-colour`} gradientUnits="userSpaceOnUse" x1={xOf(plot, 0)} x2={xOf(plot, 1)}>
-          {points.map((point, index) => <stop key={index} offset={point.s} stopColor={hexFromLinear(point.albedo)} />)}
-        </linearGradient>
-      </defs>
-      <rect className="tf-ground" x={plot.left} y={plot.top} width={plot.width} height={plot.height} />
-      <path className="tf-histogram" d={columns} data-testid="tf-histogram" />
-      {[0.25, 0.5, 0.75].map((height) => <line key={height} className="tf-grid" x1={plot.left} x2={plot.left + plot.width} y1={floor - height * plot.height} y2={floor - height * plot.height} />)}
-      <g clipPath={`url(#${id}-clip)`}>
-        <path d={areaUnder(plot, curve)} fill={`url(#${id}-colour)`} className="tf-area" />
-        {points.slice(1).map((to, index) => {
-          const from = points[index];
-          return from && to.s > from.s && (
-            <path key={index} className="tf-band" d={bandPath(plot, from, to)} data-testid={`tf-band-${index}`} onPointerDown={(event) => grab(event, "band", index)} />
-          );
-        })}
-        <path className="tf-curve-edge" d={curve} />
-        <path className="tf-curve" d={curve} />
-      </g>
-      <g className="tf-axis">
-        {ticks(values, 5).map((value) => {
-          const x = plot.left + ((value - values[0]) / (values[1] - values[0])) * plot.width;
+      <svg
+        ref={svg}
+        className="tf"
+        height={PLOT_HEIGHT + AXIS_HEIGHT}
+        data-testid="tf-editor"
+        data-window={window.join(" ")}
+        onPointerMove={move}
+        onPointerUp={release}
+        onPointerCancel={release}
+        onPointerLeave={() => setPointer(null)}
+        onDoubleClick={add}
+        onContextMenu={(event) => event.preventDefault()}
+      >
+        <defs>
+          <clipPath id={`${id}-clip`}><rect x={plot.left} y={0} width={plot.width} height={floor + 1} /></clipPath>
+          <linearGradient id={`${id}-colour`} gradientUnits="userSpaceOnUse" x1={xOf(plot, 0)} x2={xOf(plot, 1)}>
+            {points.map((point, index) => <stop key={index} offset={point.s} stopColor={hexFromLinear(point.albedo)} />)}
+          </linearGradient>
+        </defs>
+        <rect className="tf-ground" x={plot.left} y={plot.top} width={plot.width} height={plot.height} />
+        <path className="tf-histogram" d={columns} data-testid="tf-histogram" />
+        {[0.25, 0.5, 0.75].map((height) => <line key={height} className="tf-grid" x1={plot.left} x2={plot.left + plot.width} y1={floor - height * plot.height} y2={floor - height * plot.height} />)}
+        <g clipPath={`url(#${id}-clip)`}>
+          <path d={areaUnder(plot, curve)} fill={`url(#${id}-colour)`} className="tf-area" />
+          {points.slice(1).map((to, index) => {
+            const from = points[index];
+            return from && to.s > from.s && (
+              <path key={index} className="tf-band" d={bandPath(plot, from, to)} data-testid={`tf-band-${index}`} onPointerDown={(event) => grab(event, "band", index)} />
+            );
+          })}
+          <path className="tf-curve-edge" d={curve} />
+          <path className="tf-curve" d={curve} />
+        </g>
+        <g className="tf-axis">
+          {ticks(values, 5).map((value) => {
+            const x = plot.left + ((value - values[0]) / (values[1] - values[0])) * plot.width;
+            return (
+              <g key={value}>
+                <line x1={x} x2={x} y1={floor} y2={floor + 4} />
+                <text x={x} y={floor + 15} textAnchor={x < plot.left + EDGE ? "start" : x > plot.left + plot.width - EDGE ? "end" : "middle"}>{formatValue(value)}</text>
+              </g>
+            );
+          })}
+          <rect className="tf-axis-hit" x={0} y={floor} width={width} height={AXIS_HEIGHT} data-testid="tf-axis" />
+        </g>
+        {points.map((point, index) => {
+          const x = xOf(plot, point.s);
+          if (x < plot.left - 1 || x > plot.left + plot.width + 1) return null;
+          const value = valueOf(point.s, range);
           return (
-            <g key={value}>
-              <line x1={x} x2={x} y1={floor} y2={floor + 4} />
-              <text x={x} y={floor + 15}>{formatValue(value)}</text>
-            </g>
+            <circle
+              key={index}
+              className="tf-point"
+              cx={x}
+              cy={yOf(plot, opacityOf(point))}
+              r={index === selected ? 6.5 : 5}
+              fill={hexFromLinear(point.albedo)}
+              tabIndex={0}
+              role="slider"
+              aria-label={`Point ${index + 1}`}
+              aria-valuenow={value}
+              aria-valuetext={`value ${formatValue(value)}, opacity ${opacityOf(point).toFixed(3)}`}
+              data-testid={`tf-point-${index}`}
+              data-selected={index === selected}
+              data-s={point.s}
+              data-opacity={opacityOf(point)}
+              onPointerDown={(event) => grab(event, "point", index)}
+              onFocus={() => select(index)}
+              onKeyDown={(event) => nudge(event, index)}
+              onDoubleClick={(event) => event.stopPropagation()}
+              onContextMenu={(event) => {
+                event.preventDefault();
+                select(index);
+                onNumbers();
+              }}
+            />
           );
         })}
-        <rect className="tf-axis-hit" x={0} y={floor} width={width} height={AXIS_HEIGHT} data-testid="tf-axis" />
-      </g>
-      {points.map((point, index) => {
-        const x = xOf(plot, point.s);
-        if (x < plot.left - 1 || x > plot.left + plot.width + 1) return null;
-        const value = valueOf(point.s, range);
-        return (
-          <circle
-            key={index}
-            className="tf-point"
-            cx={x}
-            cy={yOf(plot, opacityOf(point))}
-            r={index === selected ? 6.5 : 5}
-            fill={hexFromLinear(point.albedo)}
-            tabIndex={0}
-            role="slider"
-            aria-label={`Point ${index + 1}`}
-            aria-valuenow={value}
-            aria-valuetext={`value ${formatValue(value)}, opacity ${opacityOf(point).toFixed(3)}`}
-            data-testid={`tf-point-${index}`}
-            data-selected={index === selected}
-            data-s={point.s}
-            data-opacity={opacityOf(point)}
-            onPointerDown={(event) => grab(event, "point", index)}
-            onFocus={() => select(index)}
-            onKeyDown={(event) => nudge(event, index)}
-            onDoubleClick={(event) => event.stopPropagation()}
-            onContextMenu={(event) => {
-              event.preventDefault();
-              select(index);
-              onNumbers();
-            }}
-          />
-        );
-      })}
-      {pointer && pointer.y <= floor && (
-        <text className="tf-readout" x={plot.left + plot.width - 4} y={plot.top + 11}>
-          {formatValue(valueOf(sAt(plot, pointer.x), range))} · {(drag.current ? opacityAt(heightAt(plot, pointer.y), axis) : opacityAtValue(points, sAt(plot, pointer.x))).toFixed(3)}
-        </text>
-      )}
-    </svg>
+        {pointer && pointer.y <= floor && (
+          <text className="tf-readout" x={plot.left + plot.width - 4} y={plot.top + 11}>
+            {formatValue(valueOf(sAt(plot, pointer.x), range))} · {(drag.current ? opacityAt(heightAt(plot, pointer.y), axis) : opacityAtValue(points, sAt(plot, pointer.x))).toFixed(3)}
+          </text>
+        )}
+      </svg>
     </div>
   );
 }

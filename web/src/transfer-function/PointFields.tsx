@@ -9,7 +9,7 @@ import { hueOf, strengthOf, withStrength } from "../scene/colour";
 import { useSession } from "../session/store";
 import { setPoints } from "./Editor";
 import { extinctionOf, inUnit, opacityOf, withOpacity } from "./opacity";
-import { changePoint, movePoint, removePoint } from "./points";
+import { changePoint, movePoint, removePoint, withMaterial } from "./points";
 import { positionOf, valueOf, type Range } from "./valueAxis";
 
 /** Largest extinction and emission that can be typed; the scene's own limit. */
@@ -57,7 +57,7 @@ export function PointFields({ points, range, focusRequest }: {
       <Row label="Material" hint="Holds from this point up to the next">
         <NativeSelect aria-label="Material" value={point.material ?? ""} data-testid="tf-material" data={names.map((name) => ({ value: name, label: name === "" ? "none (isotropic)" : name }))} onChange={(event) => {
           const name = event.currentTarget.value;
-          change("material", ({ material: _, ...rest }) => (name === "" ? rest : { ...rest, material: name }));
+          change("material", (p) => withMaterial(p, name === "" ? null : name));
         }} />
       </Row>
       <Row label="Emission" hint="Emitted radiance; it counts where the colour absorbs, so a white point does not glow">

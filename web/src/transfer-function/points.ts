@@ -79,3 +79,11 @@ export const changePoint = (
   index: number,
   change: (point: TransferFunctionPoint) => TransferFunctionPoint,
 ): TransferFunctionPoint[] => points.map((point, i) => (i === index ? change(point) : point));
+
+/** The point with another material; null for none. */
+export function withMaterial(point: TransferFunctionPoint, name: string | null): TransferFunctionPoint {
+  const next = { ...point };
+  if (name === null) delete next.material;
+  else next.material = name;
+  return next;
+}
