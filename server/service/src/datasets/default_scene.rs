@@ -119,7 +119,7 @@ fn above(sorted: &[f64], threshold: f64) -> &[f64] {
 /// parts, sought among equal steps between the outliers. `None` if the values are all alike.
 fn otsu(sorted: &[f64]) -> Option<f64> {
     let (low, high) = (quantile(sorted, OUTLIERS), quantile(sorted, 1.0 - OUTLIERS));
-    if !(high > low) {
+    if high <= low {
         return None;
     }
     let edge = |bucket: usize| low + (high - low) * bucket as f64 / BUCKETS as f64;

@@ -266,7 +266,7 @@ mod tests {
         fs::write(root.path().join("datasets/bb.1234.part"), b"{").unwrap();
         fs::create_dir(root.path().join("blobs/bbcc")).unwrap();
         let (storage, found) = Storage::open(root.path()).unwrap();
-        assert_eq!(found, [first.clone()]);
+        assert_eq!(found, std::slice::from_ref(&first));
         assert!(storage.main_file(&first).is_file());
         assert_eq!(fs::read_dir(storage.incoming()).unwrap().count(), 0);
         assert_eq!(fs::read_dir(root.path().join("blobs")).unwrap().count(), 1);

@@ -41,8 +41,8 @@ pub(super) struct Watched {
     /// What the newest frame shows.
     shown: Option<Shown>,
     drawing: Option<Drawing>,
-    /// The snapshot and viewport that could not be drawn; not tried again.
-    failed: Option<(Arc<Snapshot>, Option<(u32, u32)>)>,
+    /// The snapshot that could not be drawn at the present viewport; not tried again.
+    failed: Option<Arc<Snapshot>>,
     /// Number of the newest frame.
     frame: u32,
     /// When the newest moving picture was begun.
@@ -202,9 +202,7 @@ impl Watched {
     }
 
     fn has_failed(&self) -> bool {
-        self.failed.as_ref().is_some_and(|(snapshot, viewport)| {
-            Arc::ptr_eq(snapshot, &self.input.snapshot) && *viewport == self.input.viewport
-        })
+        self.failed.as_ref().is_some_and(|snapshot| Arc::ptr_eq(snapshot, &self.input.snapshot))
     }
 
     /// Works on the present picture for one slice; `sharers` viewers are moving at once.
@@ -386,7 +384,7 @@ impl Watched {
     /// The present picture cannot be drawn: says so once, and waits for another.
     pub(super) fn fail(&mut self, error: &RenderError) {
         self.drawing = None;
-        self.failed = Some((self.input.snapshot.clone(), self.input.viewport));
+        self.failed = Some(self.input.snapshot.clone());
         self.send(Output::Failed(error.to_string()));
     }
 

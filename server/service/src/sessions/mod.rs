@@ -105,6 +105,26 @@ struct Checked {
     scene: Scene,
 }
 
+/// The scene an edit starts from.
+#[derive(Clone, Copy)]
+struct Current<'a> {
+    file: &'a SceneFile,
+    key: &'a Key,
+    volume: &'a Arc<PreparedVolume>,
+}
+
+impl Checked {
+    fn current(&self) -> Current<'_> {
+        Current { file: &self.file, key: &self.key, volume: &self.scene.volume }
+    }
+}
+
+impl State {
+    fn current(&self) -> Current<'_> {
+        Current { file: &self.file, key: &self.key, volume: &self.scene.volume }
+    }
+}
+
 impl Session {
     /// What REST tells about it.
     pub fn describe(&self) -> rest::Session {
@@ -159,101 +179,68 @@ impl Session {
         let mut state = self.state.lock();
         let value = match edit {
             Edit::Replace(value) => value.clone(),
-            Edit::Patch(patch) => merged(&state.file, [patch])?,
+            Edit::Patch(patch) => merged(&state.file, patch)?,
         };
-        let checked = check(app, Some(&state), value)?;
-        self.commit(app, &mut state, checked);
+        let checked = check(app, state.current(), value)?;
+        self.commit(app, &mut state, checked, None);
         Ok(())
     }
 
-    /// Applies a viewer's patches in order, together where they fit together.
+    /// Applies a viewer's patches in order. Each is checked on its own, so that what is refused
+    /// does not depend on what arrived together; what is accepted is one edit of the scene.
     pub fn patch(&self, app: &App, number: u32, patches: &[(u32, Value)], arrived: Instant) -> Patched {
         let mut outcome = Patched::default();
         let mut state = self.state.lock();
-        let all = (0, patches.len());
-        let one_by_one = (0..patches.len()).map(|index| (index, index + 1));
-        // All at once: a burst costs one check and one epoch. If that fails, each on its own, so
-        // that only those at fault are refused.
-        for (first, end) in std::iter::once(all).chain(one_by_one) {
-            let group = &patches[first..end];
-            match self.patch_group(app, &mut state, number, group) {
-                Ok(()) if group.len() == patches.len() => break,
-                Ok(()) => {}
+        let Some(viewer) = state.viewers.get(&number) else { return outcome };
+        let mut camera = (viewer.camera.clone(), viewer.camera_seq);
+        let mut accepted: Option<Checked> = None;
+        let mut done_seq = viewer.done_seq;
+        for (index, (seq, patch)) in patches.iter().enumerate() {
+            let current = accepted.as_ref().map_or_else(|| state.current(), Checked::current);
+            match patched(app, current, &camera, *seq, patch) {
+                Ok((checked, moves_camera)) => {
+                    if let (true, Some(moved)) = (moves_camera, &checked.file.camera) {
+                        camera = (moved.clone(), *seq);
+                    }
+                    accepted = Some(checked);
+                }
+                Err(Refusal::Field(error)) => outcome.rejected.push((*seq, error)),
                 Err(Refusal::Needs(key)) => {
-                    outcome.waiting = Some((key, patches.len() - first));
+                    outcome.waiting = Some((key, patches.len() - index));
                     break;
                 }
-                Err(Refusal::Field(_)) if group.len() > 1 => {}
-                Err(Refusal::Field(error)) => {
-                    outcome.rejected.push((group[0].0, error));
-                    if patches.len() == 1 {
-                        break;
-                    }
-                }
             }
+            done_seq = done_seq.max(*seq);
         }
-        let newest = patches.last().map_or(0, |(seq, _)| *seq);
+        let waiting = outcome.waiting.as_ref().map_or(0, |(_, count)| *count);
+        let waiting_from = patches.get(patches.len() - waiting).map(|(seq, _)| *seq);
         if let Some(viewer) = state.viewers.get_mut(&number) {
-            let waiting = outcome.waiting.as_ref().map_or(0, |(_, count)| *count);
-            viewer.waiting_from = patches.get(patches.len() - waiting).map(|(seq, _)| *seq);
-            viewer.done_seq = viewer.done_seq.max(newest);
-            app.renderer().update(viewer.render, |input| {
-                input.seq = input.seq.max(viewer.waiting_from.map_or(newest, |seq| seq.saturating_sub(1)));
-                input.arrived = arrived;
-            });
+            (viewer.camera, viewer.camera_seq) = camera;
+            viewer.done_seq = done_seq;
+            viewer.waiting_from = waiting_from;
+        }
+        if let Some(checked) = accepted {
+            self.commit(app, &mut state, checked, Some((number, arrived)));
         }
         outcome
     }
 
-    fn patch_group(
-        &self,
-        app: &App,
-        state: &mut State,
-        number: u32,
-        patches: &[(u32, Value)],
-    ) -> Result<(), Refusal> {
-        let viewer = state.viewers.get(&number);
-        let camera_seq = viewer.map_or(0, |viewer| viewer.camera_seq);
-        // A camera that the viewer moved after it sent the patch is not moved back.
-        let current = patches.iter().map(|(seq, patch)| match patch {
-            Value::Object(fields) if fields.contains_key("camera") && *seq < camera_seq => {
-                let mut fields = fields.clone();
-                fields.remove("camera");
-                (false, Value::Object(fields))
-            }
-            patch => (patch.get("camera").is_some(), patch.clone()),
-        });
-        let current: Vec<(bool, Value)> = current.collect();
-        let moves_camera = current.iter().any(|(moves, _)| *moves);
-        let mut base = state.file.clone();
-        if let Some(viewer) = viewer.filter(|_| moves_camera) {
-            base.camera = Some(viewer.camera.clone());
-        }
-        let value = merged(&base, current.iter().map(|(_, patch)| patch))?;
-        let checked = check(app, Some(state), value)?;
-        if let (true, Some(viewer), Some(camera)) =
-            (moves_camera, state.viewers.get_mut(&number), &checked.file.camera)
-        {
-            viewer.camera = camera.clone();
-            viewer.camera_seq = patches.last().map_or(viewer.camera_seq, |(seq, _)| *seq);
-        }
-        self.commit(app, state, checked);
-        Ok(())
-    }
-
-    /// Makes a checked scene the newest and shows it to every viewer.
-    fn commit(&self, app: &App, state: &mut State, checked: Checked) {
+    /// Makes a checked scene the newest and shows it to every viewer; `author` is the viewer whose
+    /// input it comes from, and when that arrived.
+    fn commit(&self, app: &App, state: &mut State, checked: Checked, author: Option<(u32, Instant)>) {
         let Checked { file, key, scene } = checked;
         state.file = file;
         state.key = key;
         state.scene = scene;
         state.epoch = state.epoch.saturating_add(1);
         state.idle_since = Instant::now();
-        for viewer in state.viewers.values() {
+        for (number, viewer) in &state.viewers {
             let snapshot = viewer_snapshot(state, viewer);
+            let arrived = author.filter(|(author, _)| author == number).map(|(_, arrived)| arrived);
             app.renderer().update(viewer.render, |input| {
                 input.snapshot = snapshot;
-                input.arrived = Instant::now();
+                input.seq = input.seq.max(viewer.done_seq);
+                input.arrived = arrived.unwrap_or_else(Instant::now);
             });
         }
         self.epoch.send_replace(state.epoch);
@@ -377,29 +364,52 @@ fn filled_camera(file: &SceneFile, scene: &Scene) -> Camera {
     file.camera.clone().unwrap_or_else(|| scene::Camera::default_file(anatomical))
 }
 
-/// A scene file with merge patches applied, not yet checked.
-fn merged<'p>(file: &SceneFile, patches: impl IntoIterator<Item = &'p Value>) -> Result<Value, FieldError> {
-    let mut value = serde_json::to_value(file).map_err(|error| FieldError::new("", error.to_string()))?;
-    for patch in patches {
-        if !patch.is_object() {
-            return Err(FieldError::new("", "a merge patch must be a JSON object"));
+/// One patch on a scene, checked, and whether it moves the viewer's camera. It is merged with that
+/// camera, not the session's; a camera the viewer moved after it sent the patch is not moved back.
+fn patched(
+    app: &App,
+    current: Current<'_>,
+    (camera, camera_seq): &(Camera, u32),
+    seq: u32,
+    patch: &Value,
+) -> Result<(Checked, bool), Refusal> {
+    let moves_camera = patch.get("camera").is_some();
+    let mut base = current.file.clone();
+    let value = if !moves_camera {
+        merged(&base, patch)?
+    } else if seq >= *camera_seq {
+        base.camera = Some(camera.clone());
+        merged(&base, patch)?
+    } else {
+        let mut rest = patch.clone();
+        if let Value::Object(fields) = &mut rest {
+            fields.remove("camera");
         }
-        json_patch::merge(&mut value, patch);
+        merged(&base, &rest)?
+    };
+    Ok((check(app, current, value)?, moves_camera && seq >= *camera_seq))
+}
+
+/// A scene file with a merge patch applied, not yet checked.
+fn merged(file: &SceneFile, patch: &Value) -> Result<Value, FieldError> {
+    if !patch.is_object() {
+        return Err(FieldError::new("", "a merge patch must be a JSON object"));
     }
+    let mut value = serde_json::to_value(file).map_err(|error| FieldError::new("", error.to_string()))?;
+    json_patch::merge(&mut value, patch);
     Ok(value)
 }
 
 /// Decodes and checks a scene against its volume, which must be in memory.
-fn check(app: &App, state: Option<&State>, value: Value) -> Result<Checked, Refusal> {
+fn check(app: &App, current: Current<'_>, value: Value) -> Result<Checked, Refusal> {
     let file = SceneFile::from_value(value)?;
     let key = app.volumes().key(&file.volume)?;
-    let volume = match state {
-        Some(state) if state.key == key => state.scene.volume.clone(),
-        _ => {
-            let volume = app.volumes().ready(&key).ok_or_else(|| Refusal::Needs(key.clone()))?;
-            app.upload(&volume).map_err(|fault| fault.as_field_error())?;
-            volume
-        }
+    let volume = if *current.key == key {
+        current.volume.clone()
+    } else {
+        let volume = app.volumes().ready(&key).ok_or_else(|| Refusal::Needs(key.clone()))?;
+        app.upload(&volume).map_err(|fault| fault.as_field_error())?;
+        volume
     };
     check_with(file, key, volume).map_err(Refusal::Field)
 }

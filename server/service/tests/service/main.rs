@@ -2,6 +2,7 @@
 //!
 //! A device is needed; all tests share one. Volumes and pictures are small: the software device
 //! of a machine without a GPU draws them, too.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod datasets;
 mod security;

@@ -31,7 +31,7 @@ async fn many_at_once_store_one_dataset() {
     let created = answers.iter().filter(|answer| answer.status == StatusCode::CREATED).count();
     assert_eq!(created, 1);
     assert!(answers.iter().all(|answer| answer.status.is_success()));
-    assert_eq!(service.stored_files().len(), 2, "{:?}", service.stored_files());
+    wait_until_stored(&service, 2).await;
 }
 
 #[tokio::test]
@@ -80,7 +80,7 @@ async fn what_no_reader_accepts_leaves_nothing_behind() {
     let problem = service.form(&[("data", "a.nrrd", &nrrd(0))]).await.problem(422);
     assert_eq!(problem.field.as_deref(), Some("data"));
     service.form(&[("file", "a.nrrd", &nrrd(0)), ("file", "x/a.nrrd", &nrrd(2))]).await.problem(422);
-    wait_until_empty(&service).await;
+    wait_until_stored(&service, 0).await;
 }
 
 #[tokio::test]
@@ -114,7 +114,7 @@ async fn limits_hold() {
     service.put("/datasets/a.nrrd", unannounced).await.problem(413);
     let small: &[u8] = b"x";
     service.form(&[("file", "a", small), ("file", "b", small), ("file", "c", small)]).await.problem(413);
-    wait_until_empty(&service).await;
+    wait_until_stored(&service, 0).await;
     service.put("/datasets/a.nrrd", nrrd(0)).await.ok();
     let problem = service.put("/datasets/b.nrrd", nrrd(2)).await.problem(507);
     assert_eq!(problem.kind, "/problems/storage-full");
@@ -151,7 +151,7 @@ async fn an_upload_that_breaks_off_leaves_nothing() {
     let service = Service::new();
     let pieces = [Ok(Bytes::from(nrrd(0)[..1000].to_vec())), Err(std::io::Error::other("cable pulled"))];
     service.put("/datasets/a.nrrd", Body::from_stream(futures_util::stream::iter(pieces))).await.problem(400);
-    wait_until_empty(&service).await;
+    wait_until_stored(&service, 0).await;
     // Over a socket: the connection goes away in the middle of the body.
     let listening = service.listen().await;
     let mut socket = tokio::net::TcpStream::connect(listening.address).await.unwrap();
@@ -167,16 +167,16 @@ async fn an_upload_that_breaks_off_leaves_nothing() {
     }
     assert_eq!(service.stored_files().len(), 1, "the upload is being received");
     drop(socket);
-    wait_until_empty(&service).await;
+    wait_until_stored(&service, 0).await;
 }
 
-/// Folders of refused uploads are removed in the background.
-async fn wait_until_empty(service: &Service) {
+/// Folders that were not stored are removed in the background.
+async fn wait_until_stored(service: &Service, files: usize) {
     for _ in 0..500 {
-        if service.stored_files().is_empty() {
+        if service.stored_files().len() == files {
             return;
         }
         tokio::time::sleep(std::time::Duration::from_millis(10)).await;
     }
-    panic!("left behind: {:?}", service.stored_files());
+    panic!("expected {files} files: {:?}", service.stored_files());
 }

@@ -113,7 +113,7 @@ async fn edits_reach_every_viewer_and_cameras_stay_ones_own() {
 
     first.patch(3, json!({"density": 3.0})).await;
     let (epoch, seq, told) = scene(&mut second).await;
-    assert_eq!((epoch, seq, told.density), (2, 1, 3.0), "seq counts the viewer's own inputs");
+    assert_eq!((epoch, seq, told.density), (2, 0, 3.0), "none of this viewer's inputs is part of it");
     assert_ne!(told.camera, Some(camera_at(120.0)), "each sees its own camera");
     let (_, seq, told) = scene(&mut first).await;
     assert_eq!((seq, told.camera), (3, Some(camera_at(120.0))));
