@@ -96,6 +96,18 @@ impl Pace {
         Moving { width, height, quality: self.quality }
     }
 
+    /// Time one pass over so many pixels is expected to take.
+    pub fn expected(&self, pixels: u64) -> Duration {
+        Duration::from_secs_f64(pixels as f64 * self.millis_per_pixel / 1e3)
+    }
+
+    /// The largest size that is expected to be drawn within `time`.
+    pub fn size_within(&self, viewport: (u32, u32), time: Duration) -> (u32, u32) {
+        let millis = time.as_secs_f64() * 1e3;
+        let fits = |&level: &u32| pixels(viewport, level) * self.millis_per_pixel <= millis;
+        size(viewport, (MIN_LEVEL..=LEVELS).rev().find(fits).unwrap_or(MIN_LEVEL))
+    }
+
     /// A moving picture of so many pixels took so long.
     pub fn measured(&mut self, pixels: u64, spent: Duration) {
         let measured = spent.as_secs_f64() * 1e3 / pixels.max(1) as f64;
@@ -140,6 +152,18 @@ mod tests {
             last = (pace.next(VIEWPORT, TIME, link), millis);
         }
         last
+    }
+
+    #[test]
+    fn a_preview_fits_its_time() {
+        let mut pace = Pace::new(true);
+        play(&mut pace, 1e-2, 0.0, Link::default());
+        let full = u64::from(VIEWPORT.0) * u64::from(VIEWPORT.1);
+        assert!((pace.expected(full).as_secs_f64() - 9.2).abs() < 0.5);
+        let time = Duration::from_millis(500);
+        let (width, height) = pace.size_within(VIEWPORT, time);
+        assert!(pace.expected(u64::from(width) * u64::from(height)) <= time);
+        assert!(width > VIEWPORT.0 / 8 && width < VIEWPORT.0 / 2);
     }
 
     #[test]

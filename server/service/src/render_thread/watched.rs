@@ -25,6 +25,12 @@ const MOVING_TIME_SOFTWARE: Duration = Duration::from_millis(120);
 const PATIENCE: f64 = 1.5;
 /// Shortest time between two refining pictures.
 const REFINE_INTERVAL: Duration = Duration::from_millis(400);
+/// If one pass at full size is expected to take longer than this, a reduced picture comes first.
+const LONG_PASS: Duration = Duration::from_millis(1200);
+/// Time that reduced picture may take.
+const PREVIEW_TIME: Duration = Duration::from_millis(500);
+/// It must have this many times the pixels already shown to be worth it.
+const PREVIEW_GAIN: u64 = 2;
 /// If the final picture will be there within this time, the first full one is not sent.
 const SOON: Duration = Duration::from_millis(80);
 
@@ -61,6 +67,8 @@ struct Film {
 struct Shown {
     snapshot: Arc<Snapshot>,
     viewport: (u32, u32),
+    /// Pixels of the picture, before it is stretched to the viewport.
+    pixels: u64,
     /// Full resolution, this many samples; 0 for a reduced picture.
     samples_at_full_size: u32,
     is_final: bool,
@@ -83,7 +91,11 @@ struct Drawing {
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kind {
+    /// Small enough to come in time; the JPEG quality.
     Moving(u8),
+    /// At rest, on slow devices: reduced, because the full size will take long.
+    Preview,
+    /// At rest, at full size.
     Still,
 }
 
@@ -136,7 +148,7 @@ impl Watched {
         self.failed = None;
         // A picture at rest of what is no longer wanted ends here; a moving one is finished, so
         // that a steady stream of inputs shows progress.
-        if self.drawing.as_ref().is_some_and(|drawing| drawing.kind == Kind::Still) {
+        if self.drawing.as_ref().is_some_and(|drawing| !matches!(drawing.kind, Kind::Moving(_))) {
             self.drawing = None;
         }
     }
@@ -183,7 +195,7 @@ impl Watched {
         if in_flight >= MAX_FRAMES_IN_FLIGHT || self.has_failed() {
             return Need::Nothing;
         }
-        if self.drawing.as_ref().is_some_and(|drawing| drawing.kind != Kind::Still) {
+        if self.drawing.as_ref().is_some_and(|drawing| matches!(drawing.kind, Kind::Moving(_))) {
             return Need::Moving;
         }
         let shown = self
@@ -230,7 +242,11 @@ impl Watched {
         });
         drawing.spent += began.elapsed();
         let result = match drawing.kind {
-            Kind::Moving(quality) if drawn.complete => self.finish_moving(renderer, quality, began),
+            Kind::Moving(quality) if drawn.complete => {
+                self.finish_reduced(renderer, Encoding::Moving(quality), began)
+            }
+            Kind::Preview if drawn.complete => self.finish_reduced(renderer, Encoding::Refining, began),
+            Kind::Preview => Ok(()),
             Kind::Moving(_) => {
                 self.give_up_if_too_slow(time);
                 Ok(())
@@ -256,10 +272,13 @@ impl Watched {
                 let fresh = Target { width, height, samples_per_pixel: 1 };
                 (Kind::Moving(quality), reusable.map_or(fresh, |film| film.held))
             }
-            Need::Still => {
-                let samples_per_pixel = self.input.snapshot.scene.sampling.samples_per_pixel;
-                (Kind::Still, Target { width: viewport.0, height: viewport.1, samples_per_pixel })
-            }
+            Need::Still => match self.preview_size(viewport) {
+                Some((width, height)) => (Kind::Preview, Target { width, height, samples_per_pixel: 1 }),
+                None => {
+                    let samples_per_pixel = self.input.snapshot.scene.sampling.samples_per_pixel;
+                    (Kind::Still, Target { width: viewport.0, height: viewport.1, samples_per_pixel })
+                }
+            },
             Need::Nothing | Need::Until(_) => return None,
         };
         Some(Drawing {
@@ -275,10 +294,26 @@ impl Watched {
         })
     }
 
-    fn finish_moving(
+    /// Size of a reduced picture to show before a long pass at full size, if that pass is long
+    /// and the reduced picture adds enough to what is shown.
+    fn preview_size(&self, viewport: (u32, u32)) -> Option<(u32, u32)> {
+        let full = u64::from(viewport.0) * u64::from(viewport.1);
+        let (width, height) = self.pace.size_within(viewport, PREVIEW_TIME);
+        let pixels = u64::from(width) * u64::from(height);
+        let shown = self.shown.as_ref().map_or(0, |shown| shown.pixels);
+        let film_has_it = self
+            .film
+            .as_ref()
+            .is_some_and(|film| film.viewport == viewport && (film.held.width, film.held.height) == viewport);
+        let worth_it = !film_has_it && self.pace.expected(full) > LONG_PASS && pixels >= PREVIEW_GAIN * shown;
+        worth_it.then_some((width, height))
+    }
+
+    /// Shows a picture of one pass at a size chosen for its time.
+    fn finish_reduced(
         &mut self,
         renderer: &mut Renderer,
-        quality: u8,
+        encoding: Encoding,
         slice_began: Instant,
     ) -> Result<(), RenderError> {
         let before = slice_began.elapsed();
@@ -292,7 +327,7 @@ impl Watched {
             let pixels = u64::from(drawing.target.width) * u64::from(drawing.target.height);
             self.pace.measured(pixels, drawing.spent);
         }
-        self.show(drawing, picture, Encoding::Moving(quality));
+        self.show(drawing, picture, encoding);
         Ok(())
     }
 
@@ -337,7 +372,8 @@ impl Watched {
         self.frame += 1;
         let samples = self.film.as_ref().map_or(0, |film| film.held.samples_per_pixel);
         let is_final = encoding == Encoding::Lossless;
-        let full_size = (picture.width, picture.height) == drawing.viewport;
+        let picture_pixels = (picture.width, picture.height);
+        let full_size = picture_pixels == drawing.viewport;
         let epoch = drawing.snapshot.epoch;
         let flags = match encoding {
             Encoding::Moving(_) => FLAG_MOVING,
@@ -369,6 +405,7 @@ impl Watched {
         self.shown = Some(Shown {
             snapshot: drawing.snapshot,
             viewport: drawing.viewport,
+            pixels: u64::from(picture_pixels.0) * u64::from(picture_pixels.1),
             samples_at_full_size: if full_size && !matches!(encoding, Encoding::Moving(_)) {
                 samples
             } else {
