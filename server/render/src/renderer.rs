@@ -142,6 +142,26 @@ impl Renderer {
         Ok(Self { gpu, volumes, ray_caster, tone_mapper })
     }
 
+    /// Draws a few pixels with each common variant, so that no viewer waits for a compiler (the
+    /// software device compiles at the first dispatch).
+    ///
+    /// # Errors
+    /// As [`Renderer::draw`].
+    pub fn warm_up(&mut self) -> Result<(), RenderError> {
+        let voxels = scene::Voxels::U8(vec![0, 255]);
+        let volume = Arc::new(scene::PreparedVolume::new(scene::Volume::new([2, 1, 1], voxels), &|_| {}));
+        for (surface, emission) in [(1.0, 0.0), (0.0, 0.0), (1.0, 1.0)] {
+            let scene = Scene::new(&warm_up_scene(surface, emission), volume.clone())
+                .map_err(RenderError::NotBuilt)?;
+            let snapshot = Arc::new(Snapshot { epoch: 0, scene });
+            let target = Target { width: WORKGROUP_EDGE, height: WORKGROUP_EDGE, samples_per_pixel: 1 };
+            let mut view = View::new();
+            self.draw(&mut view, &DrawRequest { snapshot: &snapshot, target, budget: None })?;
+            self.picture(&mut view)?;
+        }
+        Ok(())
+    }
+
     /// Volume textures; [`VolumeCache::load`] may be called ahead of time from another thread.
     pub fn volumes(&self) -> &Arc<VolumeCache> {
         &self.volumes
@@ -480,6 +500,24 @@ impl Renderer {
             .map(|(owner, bytes)| (owner.to_owned(), bytes))
             .into()
     }
+}
+
+/// A lit scene whose matter has a surface or none, and emits or not.
+fn warm_up_scene(surface: f64, emission: f64) -> proto::SceneFile {
+    use proto::scene_file as file;
+    let source =
+        file::VolumeSource { builtin: Some(file::Builtin::Homogeneous), ..file::VolumeSource::default() };
+    let mut scene = proto::SceneFile::new(source);
+    let brdf = Some(file::Brdf::Lambert(file::Lambert { diffuse: 1.0 }));
+    scene.materials.insert("m".into(), file::Material { surface, brdf, ..file::Material::default() });
+    for point in &mut scene.transfer_function.points {
+        point.material = Some("m".into());
+        point.emission = [emission; 3];
+    }
+    let (direction, irradiance) = ([0.0, 0.0, -1.0], [1.0; 3]);
+    let light = file::DirectionalLight { id: None, enabled: true, direction, irradiance };
+    scene.lights.push(file::Light::Directional(light));
+    scene
 }
 
 /// Two words a counter.

@@ -10,6 +10,8 @@ use std::time::Duration;
 const LEVELS: u32 = 16;
 /// The smallest level: an eighth of the viewport's edges.
 const MIN_LEVEL: u32 = 2;
+/// The smallest level of a picture at rest.
+const PREVIEW_LEVEL: u32 = 4;
 /// A larger size must fit into this share of the time.
 const GROWTH_SHARE: f64 = 0.85;
 /// Weight of the newest measurement.
@@ -101,11 +103,12 @@ impl Pace {
         Duration::from_secs_f64(pixels as f64 * self.millis_per_pixel / 1e3)
     }
 
-    /// The largest size that is expected to be drawn within `time`.
-    pub fn size_within(&self, viewport: (u32, u32), time: Duration) -> (u32, u32) {
+    /// The largest size that is expected to be drawn within `time`, but at least a quarter of the
+    /// viewport's edges: a sixteenth of the full time.
+    pub fn preview_size(&self, viewport: (u32, u32), time: Duration) -> (u32, u32) {
         let millis = time.as_secs_f64() * 1e3;
         let fits = |&level: &u32| pixels(viewport, level) * self.millis_per_pixel <= millis;
-        size(viewport, (MIN_LEVEL..=LEVELS).rev().find(fits).unwrap_or(MIN_LEVEL))
+        size(viewport, (PREVIEW_LEVEL..=LEVELS).rev().find(fits).unwrap_or(PREVIEW_LEVEL))
     }
 
     /// A moving picture of so many pixels took so long.
@@ -161,9 +164,10 @@ mod tests {
         let full = u64::from(VIEWPORT.0) * u64::from(VIEWPORT.1);
         assert!((pace.expected(full).as_secs_f64() - 9.2).abs() < 0.5);
         let time = Duration::from_millis(500);
-        let (width, height) = pace.size_within(VIEWPORT, time);
-        assert!(pace.expected(u64::from(width) * u64::from(height)) <= time);
-        assert!(width > VIEWPORT.0 / 8 && width < VIEWPORT.0 / 2);
+        let (width, height) = pace.preview_size(VIEWPORT, time);
+        assert_eq!((width, height), (VIEWPORT.0 / 4, VIEWPORT.1 / 4));
+        let (wider, _) = pace.preview_size(VIEWPORT, 4 * time);
+        assert!(wider > width && wider < VIEWPORT.0);
     }
 
     #[test]

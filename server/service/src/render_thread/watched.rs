@@ -85,6 +85,8 @@ struct Drawing {
     arrived: Instant,
     began: Instant,
     spent: Duration,
+    /// The part of `spent` that grows with the pixels; loading and compiling are not counted.
+    casting: Duration,
     /// What was done since the last frame.
     report: Option<FrameReport>,
 }
@@ -235,6 +237,7 @@ impl Watched {
         let request = DrawRequest { snapshot: &snapshot, target, budget: Some(slice) };
         let drawn = renderer.draw(&mut self.view, &request)?;
         accumulate(&mut drawing.report, &drawn);
+        drawing.casting += casting_time(&drawn);
         self.film = Some(Film {
             snapshot,
             viewport: drawing.viewport,
@@ -290,6 +293,7 @@ impl Watched {
             arrived: self.input.arrived,
             began: Instant::now(),
             spent: Duration::ZERO,
+            casting: Duration::ZERO,
             report: None,
         })
     }
@@ -298,7 +302,7 @@ impl Watched {
     /// and the reduced picture adds enough to what is shown.
     fn preview_size(&self, viewport: (u32, u32)) -> Option<(u32, u32)> {
         let full = u64::from(viewport.0) * u64::from(viewport.1);
-        let (width, height) = self.pace.size_within(viewport, PREVIEW_TIME);
+        let (width, height) = self.pace.preview_size(viewport, PREVIEW_TIME);
         let pixels = u64::from(width) * u64::from(height);
         let shown = self.shown.as_ref().map_or(0, |shown| shown.pixels);
         let film_has_it = self
@@ -319,13 +323,11 @@ impl Watched {
         let before = slice_began.elapsed();
         let picture = renderer.picture(&mut self.view)?;
         let Some(mut drawing) = self.drawing.take() else { return Ok(()) };
-        drawing.spent += slice_began.elapsed().saturating_sub(before);
-        let cast_rays = drawing.report.as_ref().is_some_and(|report| {
-            report.plan.iter().any(|pass| pass.runs && pass.pass == scene::plan::Pass::RayCast.name())
-        });
-        if cast_rays {
+        let reading = slice_began.elapsed().saturating_sub(before);
+        drawing.spent += reading;
+        if drawing.casting > Duration::ZERO {
             let pixels = u64::from(drawing.target.width) * u64::from(drawing.target.height);
-            self.pace.measured(pixels, drawing.spent);
+            self.pace.measured(pixels, drawing.casting + reading);
         }
         self.show(drawing, picture, encoding);
         Ok(())
@@ -334,9 +336,9 @@ impl Watched {
     /// A picture that takes too long is begun again smaller, if there is a smaller size.
     fn give_up_if_too_slow(&mut self, time: Duration) {
         let Some(drawing) = &self.drawing else { return };
-        if drawing.spent > time.mul_f64(PATIENCE) {
+        if drawing.casting > time.mul_f64(PATIENCE) {
             let pixels = u64::from(drawing.target.width) * u64::from(drawing.target.height);
-            if self.pace.too_slow(pixels, drawing.spent) {
+            if self.pace.too_slow(pixels, drawing.casting) {
                 self.drawing = None;
             }
         }
@@ -443,6 +445,12 @@ impl Watched {
             Err(TrySendError::Full(_)) => tracing::error!("a viewer's frames exceed those in flight"),
         }
     }
+}
+
+/// Time a slice spent casting rays.
+fn casting_time(drawn: &Drawn) -> Duration {
+    let casting = drawn.stages.iter().filter(|stage| stage.stage == scene::plan::Pass::RayCast.name());
+    Duration::from_secs_f64(casting.map(|stage| stage.millis / 1e3).sum())
 }
 
 /// Adds a slice to the report of the frame it belongs to.
