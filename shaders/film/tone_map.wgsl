@@ -24,7 +24,8 @@ fn tone_map(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) g
     let sum = film[index];
     let radiance = clamp(tone.exposure * sum.rgb / max(sum.a, 1.0), vec3f(0.0), vec3f(BRIGHTEST));
     var display = radiance;
-    switch tone.operator_id {
+    // `id.z` is 0: see `steering` in shared/frame.wgsl.
+    switch tone.operator_id + id.z {
         case 1u: {}
         case 2u: {
             let luminance = dot(radiance, vec3f(0.2126, 0.7152, 0.0722));

@@ -14,7 +14,7 @@ fn scattered_radiance(x: vec3f, w_o: vec3f, albedo: vec3f, material: Material, g
     // Uniform ambient: the phase function integrates to 1, the BRDF to its reflectance.
     let reflected = albedo * material.ambient_diffuse + material.ambient_specular;
     var sum = frame.ambient * mix(albedo, reflected, surface);
-    for (var i = 0u; i < frame.light_count; i++) {
+    for (var i = 0u; i < steering(frame.light_count); i++) {
         let light = incident_light(i, x);
         var scattered = (1.0 - surface) * phase_function(material, dot(-light.w_i, w_o)) * albedo;
         if surface > 0.0 {

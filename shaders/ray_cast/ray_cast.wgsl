@@ -26,17 +26,24 @@ var<workgroup> group_counts: array<atomic<u32>, 4>;
 
 @compute @workgroup_size(8, 8)
 fn ray_cast(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_index) lane: u32) {
+    always_zero = id.z;
     // taken, skipped, on the lattice, with matter
     var counts = vec4u(0u);
-    if id.x < frame.image.x && id.y < frame.row_count {
-        let pixel = vec2u(id.x, frame.first_row + id.y);
-        let radiance = integrate(camera_ray(vec2f(pixel) + frame.subpixel), &counts);
+    // Invocations beyond the edge march the last pixel's ray and drop the result: a loop that no
+    // lane of a vector takes part in runs to its bound on Mesa 22's software device.
+    let inside = id.x < frame.image.x && id.y < frame.row_count;
+    let column = min(id.x, frame.image.x - 1u);
+    let pixel = vec2u(column, frame.first_row + min(id.y, frame.row_count - 1u));
+    let radiance = integrate(camera_ray(vec2f(pixel) + frame.subpixel), &counts);
+    if inside {
         let index = pixel.y * frame.image.x + pixel.x;
-        if frame.sample_index == 0u {
+        if steering(frame.sample_index) == 0u {
             film[index] = vec4f(radiance, 1.0);
         } else {
             film[index] += vec4f(radiance, 1.0);
         }
+    } else {
+        counts = vec4u(0u);
     }
     for (var i = 0u; i < 4u; i++) {
         atomicAdd(&group_counts[i], counts[i]);
@@ -82,7 +89,7 @@ fn integrate(ray: Ray, counts: ptr<function, vec4u>) -> vec3f {
         let x = ray.origin + 0.5 * (start + end) * ray.direction;
         let uvw = x / frame.size_world + 0.5;
 
-        if frame.skip_empty == 1u && k >= unknown {
+        if steering(frame.skip_empty) == 1u && k >= unknown {
             let distance = cell_distance(uvw);
             if distance > 0.0 {
                 let next = max(leap(ray, uvw, distance, enter, step, shift), k + 1.0);

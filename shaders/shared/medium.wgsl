@@ -91,7 +91,7 @@ fn sigma_t_at(s: f32) -> f32 {
 
 // Where s lies: linear between points, constant beyond the ends, the later of two points at one s.
 fn place_of(s: f32) -> Place {
-    let last = frame.point_count - 1u;
+    let last = steering(frame.point_count) - 1u;
     var i = u32(textureLoad(tf_cells, vec2u(u32(cell_of(s).x), 0u), 0).z);
     while i < last && point_row(i + 1u, 0u).y <= s {
         i++;

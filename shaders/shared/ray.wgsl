@@ -17,7 +17,7 @@ fn camera_ray(p: vec2f) -> Ray {
     let u = (2.0 * p.x - image.x) / image.y;
     let v = (image.y - 2.0 * p.y) / image.y;
     let offset = frame.half_height * (u * frame.right + v * frame.up);
-    if frame.projection == 0u {
+    if steering(frame.projection) == 0u {
         return Ray(frame.eye, normalize(frame.forward + offset));
     }
     return Ray(frame.eye + offset, frame.forward);
@@ -39,7 +39,7 @@ fn box_interval(ray: Ray, low: vec3f, high: vec3f) -> vec2f {
 fn clip_interval(ray: Ray, interval: vec2f) -> vec2f {
     let inside = box_interval(ray, frame.clip_low, frame.clip_high);
     var kept = vec2f(max(interval.x, inside.x), min(interval.y, inside.y));
-    for (var i = 0u; i < frame.plane_count; i++) {
+    for (var i = 0u; i < steering(frame.plane_count); i++) {
         let plane = frame.planes[i];
         let height = dot(plane.xyz, ray.origin) - plane.w;
         let slope = dot(plane.xyz, ray.direction);

@@ -31,6 +31,10 @@ const UNHURRIED_SLICE: Duration = Duration::from_millis(200);
 const SLICE_SHARE_OF_BUDGET: f64 = 0.5;
 /// The first slice of a view, whose speed is unknown, covers this share of the image's rows.
 const FIRST_SLICE_SHARE: u32 = 16;
+/// A slice has at least about this many pixels: below it, handing a dispatch to the device and
+/// waiting for it costs more than casting the rays (3 ms on an idle software device, ten times
+/// that on a busy one).
+const MIN_SLICE_PIXELS: u32 = 16_384;
 /// Names of the words of the counter buffer, in the shader's order.
 const COUNTERS: [&str; 4] = ["samples_taken", "samples_skipped", "samples_on_lattice", "samples_with_matter"];
 /// GPU memory for volumes no view holds any more.
@@ -546,7 +550,9 @@ fn slice_rows(film: &FilmCache, millis_per_megasample: f64, budget: Option<Durat
     } else {
         film.height / FIRST_SLICE_SHARE
     };
-    (rows / WORKGROUP_EDGE * WORKGROUP_EDGE).max(WORKGROUP_EDGE).min(left)
+    let whole_groups = |rows: u32| rows.div_ceil(WORKGROUP_EDGE) * WORKGROUP_EDGE;
+    let fewest = whole_groups(MIN_SLICE_PIXELS.div_ceil(film.width));
+    whole_groups(rows).max(fewest).min(left)
 }
 
 /// Position in the pixel square and shift of the lattice along the ray, in steps, of sample

@@ -1,4 +1,219 @@
-//! Suite `stream`.
-pub fn run(_: &std::path::Path) -> anyhow::Result<()> {
-    Ok(())
+//! Suite `stream`: frames per second, input-to-frame latency and bytes per frame of a viewer on a
+//! real socket, while its camera orbits.
+
+use std::collections::VecDeque;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, anyhow};
+use futures_util::{SinkExt, StreamExt};
+use proto::control::PROTOCOL_VERSION;
+use proto::frame::FrameHeader;
+use proto::scene_file::{Builtin, Camera, VolumeSource};
+use proto::{ClientMessage, SceneFile};
+use render::{AdapterPolicy, Gpu};
+use serde_json::json;
+use service::{App, Config};
+use tokio_tungstenite::tungstenite::Message;
+
+use super::report::{Table, bar_chart};
+
+/// How long each case is measured, after a warm-up of a quarter of it.
+const MEASURED: Duration = Duration::from_secs(8);
+/// Time between two camera inputs: a mouse at 60 Hz.
+const INPUT_INTERVAL: Duration = Duration::from_micros(16_667);
+/// Turn of the camera between two inputs, radians.
+const TURN: f64 = 0.02;
+
+struct Case {
+    name: &'static str,
+    scene: SceneFile,
+    size: (u32, u32),
+}
+
+/// What one case gave.
+struct Measured {
+    frames: usize,
+    seconds: f64,
+    /// Milliseconds from sending an input to having a frame that shows it, or a newer one.
+    latencies: Vec<f64>,
+    bytes: u64,
+    /// Mean share of the viewport's pixels that was drawn.
+    resolution: f64,
+    /// Mean milliseconds: waiting for its turn, drawing, encoding.
+    stages: [f64; 3],
+}
+
+pub fn run(out: &Path) -> anyhow::Result<()> {
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
+    runtime.block_on(measure_all(out))
+}
+
+fn cases() -> anyhow::Result<Vec<Case>> {
+    let volume = |builtin, edge: u32| VolumeSource {
+        builtin: Some(builtin),
+        dims: Some([edge; 3]),
+        ..VolumeSource::default()
+    };
+    // Nothing to see: what the service itself costs.
+    let mut trivial = SceneFile::new(volume(Builtin::Homogeneous, 8));
+    trivial.transfer_function.points.truncate(1);
+    let buckyball = scene::builtin::scene(Builtin::Buckyball)?;
+    Ok(vec![
+        Case { name: "trivial_1280x720", scene: trivial, size: (1280, 720) },
+        Case {
+            name: "buckyball_128_512x512",
+            scene: SceneFile { volume: volume(Builtin::Buckyball, 128), ..buckyball },
+            size: (512, 512),
+        },
+    ])
+}
+
+async fn measure_all(out: &Path) -> anyhow::Result<()> {
+    let data = std::env::temp_dir().join(format!("tyndall-bench-{}", std::process::id()));
+    let config = Config { data: data.clone(), ..Config::default() };
+    let gpu = tokio::task::spawn_blocking(|| Gpu::open(AdapterPolicy::Any)).await??;
+    let mut table = Table {
+        name: "stream",
+        about: json!({"device": gpu.info(), "seconds": MEASURED.as_secs_f64(), "inputs_per_second": 60}),
+        columns: vec![
+            "case",
+            "frames_per_second",
+            "latency_p50_ms",
+            "latency_p95_ms",
+            "bytes_per_frame",
+            "pixels_drawn_share",
+            "queue_ms",
+            "draw_ms",
+            "encode_ms",
+        ],
+        rows: Vec::new(),
+    };
+    let state = tokio::task::spawn_blocking(move || App::open(config, gpu)).await??;
+    let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await?;
+    let address = listener.local_addr()?;
+    let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
+    let server = tokio::spawn(service::serve_on(listener, state.clone(), async {
+        let _ = stopped.await;
+    }));
+    let mut bars = Vec::new();
+    for case in cases()? {
+        let measured = measure(&state, address, &case).await.with_context(|| case.name)?;
+        let mut latencies = measured.latencies;
+        latencies.sort_by(f64::total_cmp);
+        let percentile = |share: f64| latencies.get((latencies.len() as f64 * share) as usize).copied();
+        let round = |x: f64| json!((x * 10.0).round() / 10.0);
+        let frames_per_second = measured.frames as f64 / measured.seconds;
+        bars.push((case.name.to_owned(), frames_per_second));
+        table.rows.push(vec![
+            json!(case.name),
+            round(frames_per_second),
+            round(percentile(0.5).unwrap_or(f64::NAN)),
+            round(percentile(0.95).unwrap_or(f64::NAN)),
+            json!(measured.bytes / measured.frames.max(1) as u64),
+            json!((measured.resolution * 1000.0).round() / 1000.0),
+            round(measured.stages[0]),
+            round(measured.stages[1]),
+            round(measured.stages[2]),
+        ]);
+    }
+    let _ = stop.send(());
+    server.await??;
+    let _ = std::fs::remove_dir_all(data);
+    table.write(out)?;
+    bar_chart(&out.join("stream.svg"), "frames per second while the camera orbits", &bars)
+}
+
+/// A session over HTTP as any client makes it, then a viewer that orbits.
+async fn measure(
+    state: &std::sync::Arc<App>,
+    address: std::net::SocketAddr,
+    case: &Case,
+) -> anyhow::Result<Measured> {
+    let session = create_session(state, &case.scene).await?;
+    let url = format!("ws://{address}/api/v1/sessions/{session}/view");
+    let (socket, _) = tokio_tungstenite::connect_async(url).await?;
+    let (mut sender, mut receiver) = socket.split();
+    let text = |message: &ClientMessage| serde_json::to_string(message).map(|t| Message::Text(t.into()));
+    sender.send(text(&ClientMessage::Hello { protocol: PROTOCOL_VERSION })?).await?;
+    let (width, height) = case.size;
+    sender.send(text(&ClientMessage::Viewport { seq: 1, width, height, pixel_ratio: 1.0 })?).await?;
+
+    let mut ticks = tokio::time::interval(INPUT_INTERVAL);
+    let (mut seq, mut angle) = (1u32, 0.0f64);
+    let mut sent: VecDeque<(u32, Instant)> = VecDeque::new();
+    let warm_up = MEASURED / 4;
+    let began = Instant::now();
+    let mut measured = Measured {
+        frames: 0,
+        seconds: 0.0,
+        latencies: Vec::new(),
+        bytes: 0,
+        resolution: 0.0,
+        stages: [0.0; 3],
+    };
+    while began.elapsed() < warm_up + MEASURED {
+        tokio::select! {
+            _ = ticks.tick() => {
+                seq += 1;
+                angle += TURN;
+                sent.push_back((seq, Instant::now()));
+                sender.send(text(&ClientMessage::Camera { seq, camera: orbit(&case.scene, angle) })?).await?;
+            }
+            message = receiver.next() => {
+                let message = message.ok_or_else(|| anyhow!("the service closed the connection"))??;
+                let Message::Binary(bytes) = message else { continue };
+                let header = FrameHeader::decode(&bytes).ok_or_else(|| anyhow!("not a frame"))?;
+                sender.send(text(&ClientMessage::Ack { frame: header.frame, decode_millis: 0.0 })?).await?;
+                let counted = began.elapsed() >= warm_up;
+                while sent.front().is_some_and(|(number, _)| *number <= header.seq) {
+                    let Some((_, at)) = sent.pop_front() else { break };
+                    if counted {
+                        measured.latencies.push(at.elapsed().as_secs_f64() * 1e3);
+                    }
+                }
+                if counted {
+                    measured.frames += 1;
+                    let micros = [header.queue_micros, header.render_micros, header.encode_micros];
+                    measured.stages.iter_mut().zip(micros).for_each(|(sum, t)| *sum += f64::from(t) / 1e3);
+                    measured.bytes += bytes.len() as u64;
+                    let drawn = f64::from(header.width) * f64::from(header.height);
+                    measured.resolution += drawn / (f64::from(width) * f64::from(height));
+                }
+            }
+        }
+    }
+    measured.seconds = MEASURED.as_secs_f64();
+    measured.resolution /= measured.frames.max(1) as f64;
+    measured.stages.iter_mut().for_each(|sum| *sum /= measured.frames.max(1) as f64);
+    sender.close().await?;
+    Ok(measured)
+}
+
+async fn create_session(state: &std::sync::Arc<App>, scene: &SceneFile) -> anyhow::Result<String> {
+    use axum::body::Body;
+    use axum::http::{Request, header};
+    use tower::ServiceExt as _;
+    let request = Request::post("/api/v1/sessions")
+        .header(header::CONTENT_TYPE, "application/json")
+        .header(header::HOST, "127.0.0.1")
+        .body(Body::from(serde_json::to_vec(&json!({"scene": scene}))?))?;
+    let response = service::app(state.clone()).oneshot(request).await?;
+    let status = response.status();
+    let body = axum::body::to_bytes(response.into_body(), 1 << 20).await?;
+    if !status.is_success() {
+        return Err(anyhow!("{status}: {}", String::from_utf8_lossy(&body)));
+    }
+    let session: proto::rest::Session = serde_json::from_slice(&body)?;
+    Ok(session.id)
+}
+
+/// The scene's camera turned about its target around the world's y axis.
+fn orbit(scene: &SceneFile, angle: f64) -> Camera {
+    let mut camera = scene.camera.clone().unwrap_or_else(|| scene::Camera::default_file(false));
+    let [x, y, z] = std::array::from_fn(|axis| camera.position[axis] - camera.target[axis]);
+    let (sine, cosine) = angle.sin_cos();
+    let turned = [x * cosine + z * sine, y, z * cosine - x * sine];
+    camera.position = std::array::from_fn(|axis| camera.target[axis] + turned[axis]);
+    camera
 }
