@@ -3,7 +3,7 @@ import hooks from "eslint-plugin-react-hooks";
 import tseslint from "typescript-eslint";
 
 export default tseslint.config(
-  { ignores: ["dist", "node_modules", "src/generated", "eslint.config.js"] },
+  { ignores: ["dist", "node_modules", "src/generated", "*.config.js", "*.setup.js"] },
   js.configs.recommended,
   ...tseslint.configs.strictTypeChecked,
   {

@@ -8,7 +8,7 @@ export default defineConfig({
   plugins: [react()],
   build: { target: "es2022", sourcemap: false, chunkSizeWarningLimit: 900 },
   // The colours are tested as they are written.
-  test: { css: { include: [/tokens\.css/] } },
+  test: { css: { include: [/tokens\.css/] }, setupFiles: ["./vitest.setup.js"] },
   server: {
     proxy: {
       "/api": { target: `http://${service}`, ws: true },

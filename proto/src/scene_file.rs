@@ -817,7 +817,7 @@ pub struct Sampling {
 
 impl Default for Sampling {
     fn default() -> Self {
-        Self { step_voxels: 0.5, samples_per_pixel: 8, skip_empty: true, termination_transmittance: 1e-3 }
+        Self { step_voxels: 1.0, samples_per_pixel: 8, skip_empty: true, termination_transmittance: 1e-3 }
     }
 }
 

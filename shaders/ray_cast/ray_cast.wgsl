@@ -97,13 +97,14 @@ fn integrate(ray: Ray, counts: ptr<function, vec4u>) -> vec3f {
 
         (*counts).x += 1u;
         k += 1.0;
-        let place = place_of(s_of_texel(texel_value(uvw)));
-        let sigma_t = sigma_t_at(place);
+        let s = s_of_texel(texel_value(uvw));
+        let sigma_t = sigma_t_at(s);
         if sigma_t <= 0.0 || end <= start { continue; }
         (*counts).w += 1u;
         let through = exp(-sigma_t * (end - start));
+        let place = place_of(s);
         let albedo = albedo_at(place);
-        let material = materials[tf_points[place.lower].material];
+        let material = materials[place.material];
         var gradient = vec3f(0.0);
         if SHADED {
             if material.surface > 0.0 { gradient = gradient_at(uvw); }

@@ -1,32 +1,23 @@
 // The scalar field and the transfer function (methods.md section 1): interpolate the data first,
 // then look up matter.
 
-@group(0) @binding(1) var<storage, read> tf_points: array<TransferFunctionPoint>;
-// Entry c: the last point at or below s = c / TF_CELLS.
-@group(0) @binding(2) var<storage, read> tf_cells: array<u32>;
+// A column a point; rows: (sigma_t, s, 1 / width of the piece above it or 0, material index),
+// albedo, emission.
+@group(0) @binding(1) var tf_points: texture_2d<f32>;
+// A column a cell of TF_CELLS: extinction at its lower edge, slope in s, last point at or below
+// the edge, 1 if another point lies inside. Textures, because software devices read storage
+// buffers at divergent indices one lane at a time: thirty times slower, measured.
+@group(0) @binding(2) var tf_cells: texture_2d<f32>;
 @group(0) @binding(3) var<uniform> materials: array<Material, MAX_MATERIALS>;
 @group(0) @binding(7) var volume: texture_3d<f32>;
 @group(0) @binding(8) var volume_sampler: sampler;
 
-const TF_CELLS = 256u;
+const TF_CELLS = 1024.0;
 // The scene's materials and the isotropic one before them.
 const MAX_MATERIALS = 65;
 
 // 0: hardware trilinear filter. 1: f32 interpolation of eight texels. 2: nearest voxel.
 override FILTER: u32 = 0u;
-
-struct TransferFunctionPoint {
-    albedo: vec3f,
-    // Extinction per world unit.
-    sigma_t: f32,
-    emission: vec3f,
-    s: f32,
-    material: u32,
-    // 1 / (next point's s - s); 0 at the last point and at a step.
-    inverse_width: f32,
-    pad0: u32,
-    pad1: u32,
-}
 
 struct Material {
     // 0 isotropic, 1 Henyey-Greenstein, 2 Schlick.
@@ -54,6 +45,7 @@ struct Place {
     lower: u32,
     upper: u32,
     t: f32,
+    material: u32,
 }
 
 // Texel value at volume coordinates 0..1; edge values extend to the faces.
@@ -81,27 +73,43 @@ fn s_of_texel(texel: f32) -> f32 {
     return clamp(frame.s_scale * texel + frame.s_offset, 0.0, 1.0);
 }
 
+// The cell of s and its column of the table.
+fn cell_of(s: f32) -> vec2f {
+    let cell = min(floor(s * TF_CELLS), TF_CELLS - 1.0);
+    return vec2f(cell, s - cell / TF_CELLS);
+}
+
+// Extinction at s, per world unit. Most samples need nothing else. Exactly 0 where it is 0 at
+// both ends of a piece.
+fn sigma_t_at(s: f32) -> f32 {
+    let cell = cell_of(s);
+    let entry = textureLoad(tf_cells, vec2u(u32(cell.x), 0u), 0);
+    if entry.w == 0.0 { return max(entry.x + entry.y * cell.y, 0.0); }
+    let place = place_of(s);
+    return mix(point_row(place.lower, 0u).x, point_row(place.upper, 0u).x, place.t);
+}
+
 // Where s lies: linear between points, constant beyond the ends, the later of two points at one s.
 fn place_of(s: f32) -> Place {
     let last = frame.point_count - 1u;
-    var i = tf_cells[min(u32(s * f32(TF_CELLS)), TF_CELLS - 1u)];
-    while i < last && tf_points[i + 1u].s <= s {
+    var i = u32(textureLoad(tf_cells, vec2u(u32(cell_of(s).x), 0u), 0).z);
+    while i < last && point_row(i + 1u, 0u).y <= s {
         i++;
     }
-    return Place(i, min(i + 1u, last), clamp((s - tf_points[i].s) * tf_points[i].inverse_width, 0.0, 1.0));
+    let row = point_row(i, 0u);
+    return Place(i, min(i + 1u, last), clamp((s - row.y) * row.z, 0.0, 1.0), u32(row.w));
 }
 
-// One property at a time: most samples need the extinction alone.
-fn sigma_t_at(place: Place) -> f32 {
-    return mix(tf_points[place.lower].sigma_t, tf_points[place.upper].sigma_t, place.t);
+fn point_row(point: u32, row: u32) -> vec4f {
+    return textureLoad(tf_points, vec2u(point, row), 0);
 }
 
 fn albedo_at(place: Place) -> vec3f {
-    return mix(tf_points[place.lower].albedo, tf_points[place.upper].albedo, place.t);
+    return mix(point_row(place.lower, 1u).xyz, point_row(place.upper, 1u).xyz, place.t);
 }
 
 fn emission_at(place: Place) -> vec3f {
-    return mix(tf_points[place.lower].emission, tf_points[place.upper].emission, place.t);
+    return mix(point_row(place.lower, 2u).xyz, point_row(place.upper, 2u).xyz, place.t);
 }
 
 // Gradient of s in the world by central differences one voxel apart; before clamping to 0..1.

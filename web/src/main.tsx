@@ -5,10 +5,11 @@ import { createRoot } from "react-dom/client";
 import "@mantine/core/styles.css";
 import "@mantine/notifications/styles.css";
 import "./app/tokens.css";
+import "./app/mantine.css";
 import "./app/app.css";
 import "./app/panels.css";
 import { App, start } from "./app/App";
-import { cssVariables, theme } from "./app/theme";
+import { theme } from "./app/theme";
 
 const root = document.getElementById("root");
 if (!root) throw new Error("index.html has no #root");
@@ -16,7 +17,7 @@ if (!root) throw new Error("index.html has no #root");
 start();
 createRoot(root).render(
   <StrictMode>
-    <MantineProvider theme={theme} cssVariablesResolver={cssVariables} defaultColorScheme="dark">
+    <MantineProvider theme={theme} withCssVariables={false} withGlobalClasses={false} defaultColorScheme="dark">
       <Notifications position="bottom-center" limit={3} />
       <App />
     </MantineProvider>

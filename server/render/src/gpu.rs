@@ -198,6 +198,11 @@ pub(crate) fn buffer_entry(binding: u32, buffer: &wgpu::Buffer) -> wgpu::BindGro
     wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() }
 }
 
+/// Binds a texture.
+pub(crate) fn texture_entry(binding: u32, view: &wgpu::TextureView) -> wgpu::BindGroupEntry<'_> {
+    wgpu::BindGroupEntry { binding, resource: wgpu::BindingResource::TextureView(view) }
+}
+
 /// Keeps the first error the driver reports outside a scope, and a lost device.
 fn watch(device: &wgpu::Device, slot: &Arc<Mutex<Option<RenderError>>>) {
     let keep = |slot: &Mutex<Option<RenderError>>, error: RenderError| {

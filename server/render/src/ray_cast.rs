@@ -132,7 +132,6 @@ fn layout_entries(filtering: bool) -> [wgpu::BindGroupLayoutEntry; 10] {
         count: None,
     };
     let buffer = |ty| wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
-    let read = || buffer(wgpu::BufferBindingType::Storage { read_only: true });
     let write = || buffer(wgpu::BufferBindingType::Storage { read_only: false });
     let sampler =
         if filtering { wgpu::SamplerBindingType::Filtering } else { wgpu::SamplerBindingType::NonFiltering };
@@ -141,10 +140,15 @@ fn layout_entries(filtering: bool) -> [wgpu::BindGroupLayoutEntry; 10] {
         view_dimension: wgpu::TextureViewDimension::D3,
         multisampled: false,
     };
+    let table = || wgpu::BindingType::Texture {
+        sample_type: wgpu::TextureSampleType::Float { filterable: false },
+        view_dimension: wgpu::TextureViewDimension::D2,
+        multisampled: false,
+    };
     [
         entry(0, buffer(wgpu::BufferBindingType::Uniform)),
-        entry(1, read()),
-        entry(2, read()),
+        entry(1, table()),
+        entry(2, table()),
         entry(3, buffer(wgpu::BufferBindingType::Uniform)),
         entry(4, buffer(wgpu::BufferBindingType::Uniform)),
         entry(5, write()),

@@ -13,7 +13,7 @@ use scene::{Scene, Snapshot};
 
 use crate::error::RenderError;
 use crate::film::ToneMapper;
-use crate::gpu::{Gpu, buffer_entry};
+use crate::gpu::{Gpu, buffer_entry, texture_entry};
 use crate::ray_cast::{RayCaster, Variant, WORKGROUP_EDGE};
 use crate::tables;
 use crate::uniforms::{FrameUniform, MAX_PLANES};
@@ -142,6 +142,26 @@ impl Renderer {
         Ok(Self { gpu, volumes, ray_caster, tone_mapper })
     }
 
+    /// Draws a few pixels with each common variant, so that no viewer waits for a compiler (the
+    /// software device compiles at the first dispatch).
+    ///
+    /// # Errors
+    /// As [`Renderer::draw`].
+    pub fn warm_up(&mut self) -> Result<(), RenderError> {
+        let voxels = scene::Voxels::U8(vec![0, 255]);
+        let volume = Arc::new(scene::PreparedVolume::new(scene::Volume::new([2, 1, 1], voxels), &|_| {}));
+        for (surface, emission) in [(1.0, 0.0), (0.0, 0.0), (1.0, 1.0)] {
+            let scene = Scene::new(&warm_up_scene(surface, emission), volume.clone())
+                .map_err(RenderError::NotBuilt)?;
+            let snapshot = Arc::new(Snapshot { epoch: 0, scene });
+            let target = Target { width: WORKGROUP_EDGE, height: WORKGROUP_EDGE, samples_per_pixel: 1 };
+            let mut view = View::new();
+            self.draw(&mut view, &DrawRequest { snapshot: &snapshot, target, budget: None })?;
+            self.picture(&mut view)?;
+        }
+        Ok(())
+    }
+
     /// Volume textures; [`VolumeCache::load`] may be called ahead of time from another thread.
     pub fn volumes(&self) -> &Arc<VolumeCache> {
         &self.volumes
@@ -255,20 +275,57 @@ impl Renderer {
     }
 
     fn transfer_function_tables(&self, scene: &Scene) -> Result<TransferFunctionTables, RenderError> {
+        let points = tables::transfer_function_points(scene);
+        let width = scene.transfer_function.points.len() as u32;
+        let cells = tables::transfer_function_cells(scene);
         Ok(TransferFunctionTables {
-            points: self.storage("transfer function points", &tables::transfer_function_points(scene))?,
-            cells: self.storage("transfer function cells", &tables::transfer_function_cells(scene))?,
+            points: self.table("transfer function points", &points, [width, tables::POINT_ROWS as u32])?,
+            cells: self.table("transfer function cells", &cells, [cells.len() as u32, 1])?,
             materials: self.uniform("materials", &tables::materials(scene), tables::MAX_MATERIALS)?,
         })
     }
 
-    /// A read-only storage buffer with contents; never empty, since a binding may not be.
-    fn storage<T: bytemuck::Pod>(&self, label: &str, values: &[T]) -> Result<wgpu::Buffer, RenderError> {
-        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
-        let bytes = std::mem::size_of_val(values).max(std::mem::size_of::<T>()) as u64;
-        let buffer = self.gpu.buffer(label, bytes, usage)?;
-        self.gpu.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(values));
-        Ok(buffer)
+    /// A 2D texture of four floats a texel, row by row.
+    fn table(
+        &self,
+        label: &str,
+        texels: &[[f32; 4]],
+        [width, height]: [u32; 2],
+    ) -> Result<wgpu::TextureView, RenderError> {
+        let size = wgpu::Extent3d { width, height, depth_or_array_layers: 1 };
+        let dimension = wgpu::TextureDimension::D2;
+        self.texture(label, size, dimension, wgpu::TextureFormat::Rgba32Float, bytemuck::cast_slice(texels))
+    }
+
+    /// A texture with contents.
+    fn texture(
+        &self,
+        label: &str,
+        size: wgpu::Extent3d,
+        dimension: wgpu::TextureDimension,
+        format: wgpu::TextureFormat,
+        bytes: &[u8],
+    ) -> Result<wgpu::TextureView, RenderError> {
+        let descriptor = wgpu::TextureDescriptor {
+            label: Some(label),
+            size,
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension,
+            format,
+            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+            view_formats: &[],
+        };
+        let create = || self.gpu.device.create_texture(&descriptor);
+        let texture = self.gpu.allocating(label, bytes.len() as u64, create)?;
+        let rows = size.height * size.depth_or_array_layers;
+        let layout = wgpu::TexelCopyBufferLayout {
+            offset: 0,
+            bytes_per_row: Some(bytes.len() as u32 / rows),
+            rows_per_image: Some(size.height),
+        };
+        self.gpu.queue.write_texture(texture.as_image_copy(), bytes, layout, size);
+        Ok(texture.create_view(&wgpu::TextureViewDescriptor::default()))
     }
 
     /// A uniform array with room for `capacity` values, as the shader declares it.
@@ -289,26 +346,8 @@ impl Renderer {
         let distances = distance_map(cells.dims, cells.masks(scene.filter), scene.bins_with_matter());
         let [width, height, depth] = cells.dims.map(|n| n as u32);
         let size = wgpu::Extent3d { width, height, depth_or_array_layers: depth };
-        let descriptor = wgpu::TextureDescriptor {
-            label: Some("distance map"),
-            size,
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D3,
-            format: wgpu::TextureFormat::R8Uint,
-            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
-            view_formats: &[],
-        };
-        let bytes = distances.len() as u64;
-        let texture =
-            self.gpu.allocating("the distance map", bytes, || self.gpu.device.create_texture(&descriptor))?;
-        let layout = wgpu::TexelCopyBufferLayout {
-            offset: 0,
-            bytes_per_row: Some(width),
-            rows_per_image: Some(height),
-        };
-        self.gpu.queue.write_texture(texture.as_image_copy(), &distances, layout, size);
-        Ok(texture.create_view(&wgpu::TextureViewDescriptor::default()))
+        let dimension = wgpu::TextureDimension::D3;
+        self.texture("distance map", size, dimension, wgpu::TextureFormat::R8Uint, &distances)
     }
 
     /// Makes the film the newest snapshot's: kept, refined or begun again.
@@ -394,24 +433,18 @@ impl Renderer {
             layout: &bindings.bind_group_layout,
             entries: &[
                 buffer_entry(0, &buffers.frame),
-                buffer_entry(1, &tables.points),
-                buffer_entry(2, &tables.cells),
+                texture_entry(1, &tables.points),
+                texture_entry(2, &tables.cells),
                 buffer_entry(3, &tables.materials),
                 buffer_entry(4, lights),
                 buffer_entry(5, &buffers.film),
                 buffer_entry(6, &buffers.counters),
-                wgpu::BindGroupEntry {
-                    binding: 7,
-                    resource: wgpu::BindingResource::TextureView(&texture.view),
-                },
+                texture_entry(7, &texture.view),
                 wgpu::BindGroupEntry {
                     binding: 8,
                     resource: wgpu::BindingResource::Sampler(&bindings.sampler),
                 },
-                wgpu::BindGroupEntry {
-                    binding: 9,
-                    resource: wgpu::BindingResource::TextureView(distance_map),
-                },
+                texture_entry(9, distance_map),
             ],
         });
         gpu.queue.write_buffer(&buffers.counters, 0, &[0; COUNTER_BYTES as usize]);
@@ -467,6 +500,24 @@ impl Renderer {
             .map(|(owner, bytes)| (owner.to_owned(), bytes))
             .into()
     }
+}
+
+/// A lit scene whose matter has a surface or none, and emits or not.
+fn warm_up_scene(surface: f64, emission: f64) -> proto::SceneFile {
+    use proto::scene_file as file;
+    let source =
+        file::VolumeSource { builtin: Some(file::Builtin::Homogeneous), ..file::VolumeSource::default() };
+    let mut scene = proto::SceneFile::new(source);
+    let brdf = Some(file::Brdf::Lambert(file::Lambert { diffuse: 1.0 }));
+    scene.materials.insert("m".into(), file::Material { surface, brdf, ..file::Material::default() });
+    for point in &mut scene.transfer_function.points {
+        point.material = Some("m".into());
+        point.emission = [emission; 3];
+    }
+    let (direction, irradiance) = ([0.0, 0.0, -1.0], [1.0; 3]);
+    let light = file::DirectionalLight { id: None, enabled: true, direction, irradiance };
+    scene.lights.push(file::Light::Directional(light));
+    scene
 }
 
 /// Two words a counter.

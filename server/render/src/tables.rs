@@ -8,8 +8,11 @@ use scene::scattering::{ambient_reflectance, blinn_phong_normalisation};
 
 use crate::uniforms;
 
-/// Entries of the table that finds the transfer-function point below an `s`; equals `TF_CELLS`.
-pub const TRANSFER_FUNCTION_CELLS: usize = 256;
+/// Cells of the extinction table over `s`; equals `TF_CELLS` in shaders/shared/medium.wgsl.
+pub const TRANSFER_FUNCTION_CELLS: usize = 1024;
+
+/// Rows of the point table.
+pub const POINT_ROWS: usize = 3;
 
 /// Materials a scene may have and the isotropic one before them; as in shaders/shared/medium.wgsl.
 pub const MAX_MATERIALS: usize = proto::scene_file::limits::MAX_MATERIALS + 1;
@@ -21,31 +24,39 @@ pub fn vector(v: DVec3) -> [f32; 3] {
     v.as_vec3().to_array()
 }
 
-/// Control points with the reciprocal width of the piece that starts there.
-pub fn transfer_function_points(scene: &Scene) -> Vec<uniforms::TransferFunctionPoint> {
+/// Texels of `tf_points`, row by row: a column a point (see shaders/shared/medium.wgsl).
+pub fn transfer_function_points(scene: &Scene) -> Vec<[f32; 4]> {
     let points = &scene.transfer_function.points;
-    let entry = |(index, point): (usize, &scene::transfer_function::Point)| {
+    let first = |(index, point): (usize, &scene::transfer_function::Point)| {
         let width = points.get(index + 1).map_or(0.0, |next| next.s as f32 - point.s as f32);
-        uniforms::TransferFunctionPoint {
-            albedo: vector(point.albedo),
-            sigma_t: point.sigma_t as f32,
-            emission: vector(point.emission),
-            s: point.s as f32,
-            material: point.material as u32,
-            inverse_width: if width > 0.0 { 1.0 / width } else { 0.0 },
-            ..uniforms::TransferFunctionPoint::default()
-        }
+        let inverse = if width > 0.0 { 1.0 / width } else { 0.0 };
+        [point.sigma_t as f32, point.s as f32, inverse, point.material as f32]
     };
-    points.iter().enumerate().map(entry).collect()
+    let color = |c: DVec3| [c.x as f32, c.y as f32, c.z as f32, 0.0];
+    let rows = points.iter().enumerate().map(first);
+    let rows = rows.chain(points.iter().map(|point| color(point.albedo)));
+    rows.chain(points.iter().map(|point| color(point.emission))).collect()
 }
 
-/// Entry c: the last point at or below `c / TRANSFER_FUNCTION_CELLS`, 0 if there is none.
-pub fn transfer_function_cells(scene: &Scene) -> Vec<u32> {
-    let points = &scene.transfer_function.points;
+/// Texels of `tf_cells`: extinction at the cell's lower edge, its slope, the last point at or
+/// below the edge, and 1 if another point lies inside (then the points decide).
+pub fn transfer_function_cells(scene: &Scene) -> Vec<[f32; 4]> {
+    let function = &scene.transfer_function;
+    let edge = |cell: usize| cell as f64 / TRANSFER_FUNCTION_CELLS as f64;
     (0..TRANSFER_FUNCTION_CELLS)
         .map(|cell| {
-            let s = cell as f32 / TRANSFER_FUNCTION_CELLS as f32;
-            (points.partition_point(|point| point.s as f32 <= s).max(1) - 1) as u32
+            // Points are compared as the shader sees them, in f32; cell edges are exact in it.
+            let at_or_below = |s: f64| function.points.partition_point(|point| point.s as f32 <= s as f32);
+            let (below, inside) = (at_or_below(edge(cell)), at_or_below(edge(cell + 1)));
+            let lower = function.at(edge(cell)).sigma_t;
+            // The slope of the whole piece, from its own two points.
+            let slope =
+                match (below.checked_sub(1).and_then(|i| function.points.get(i)), function.points.get(below))
+                {
+                    (Some(a), Some(b)) if b.s > a.s => (b.sigma_t - a.sigma_t) / (b.s - a.s),
+                    _ => 0.0,
+                };
+            [lower as f32, slope as f32, below.max(1) as f32 - 1.0, f32::from(u8::from(inside > below))]
         })
         .collect()
 }

@@ -40,21 +40,6 @@ pub struct FrameUniform {
     pub planes: [[f32; 4]; MAX_PLANES],
 }
 
-/// `TransferFunctionPoint` of shaders/shared/medium.wgsl.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
-#[allow(missing_docs)]
-pub struct TransferFunctionPoint {
-    pub albedo: [f32; 3],
-    pub sigma_t: f32,
-    pub emission: [f32; 3],
-    pub s: f32,
-    pub material: u32,
-    pub inverse_width: f32,
-    pub pad0: u32,
-    pub pad1: u32,
-}
-
 /// `Material` of shaders/shared/medium.wgsl.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
@@ -144,10 +129,6 @@ pub fn layouts() -> Vec<Layout> {
                 sample_index,
                 planes,
             }
-        ),
-        layout!(
-            "TransferFunctionPoint",
-            TransferFunctionPoint { albedo, sigma_t, emission, s, material, inverse_width, pad0, pad1 }
         ),
         layout!(
             "Material",

@@ -23,8 +23,8 @@ pub struct View {
 }
 
 pub(crate) struct TransferFunctionTables {
-    pub points: wgpu::Buffer,
-    pub cells: wgpu::Buffer,
+    pub points: wgpu::TextureView,
+    pub cells: wgpu::TextureView,
     pub materials: wgpu::Buffer,
 }
 

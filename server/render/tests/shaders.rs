@@ -65,6 +65,7 @@ fn array_capacities_agree_with_the_host() {
     use proto::scene_file::limits;
     for (text, capacity) in [
         (format!("const MAX_MATERIALS = {};", limits::MAX_MATERIALS + 1), "materials"),
+        ("const TF_CELLS = 1024.0;".to_owned(), "transfer function cells"),
         (format!("const MAX_LIGHTS = {};", limits::MAX_LIGHTS), "lights"),
         (format!("planes: array<vec4f, {}>", limits::MAX_CLIP_PLANES), "clip planes"),
     ] {

@@ -16,7 +16,7 @@ export function TopBar() {
   const hasScene = useSession((state) => state.scene !== null);
   const left = useUi((ui) => ui.leftOpen);
   const right = useUi((ui) => ui.rightOpen);
-  const { colorScheme, setColorScheme } = useMantineColorScheme();
+  const { colorScheme, setColorScheme } = useMantineColorScheme({ keepTransitions: true });
   const dark = colorScheme !== "light";
   return (
     <header className="top-bar" data-testid="top-bar">

@@ -1,7 +1,7 @@
 /** Controls that every panel uses. */
 
 import { ColorPicker, NumberInput, Popover, Slider, Tooltip, ActionIcon } from "@mantine/core";
-import { useId, useState, type ReactNode } from "react";
+import { useEffect, useId, useRef, useState, type ReactNode } from "react";
 import { hexFromLinear, linearFromHex } from "../scene/colour";
 import { rounded, type Triple } from "../scene/vec";
 import { rootOf, session } from "../session/engine";
@@ -79,6 +79,13 @@ interface NumberFieldProps {
 export function NumberField({ label, value, onChange, min, max, step = 0.1, digits = 4, width = 68, suffix, testId }: NumberFieldProps) {
   const [draft, setDraft] = useState<number | string | null>(null);
   const finish = () => setDraft(null);
+  // A value that had been taken and is then something else was taken back: the server refused it.
+  const passedOn = useRef<number | null>(null);
+  const shown = useRef(value);
+  useEffect(() => {
+    if (shown.current === passedOn.current && value !== passedOn.current) setDraft(null);
+    shown.current = value;
+  }, [value]);
   return (
     <NumberInput
       aria-label={label}
@@ -99,7 +106,10 @@ export function NumberField({ label, value, onChange, min, max, step = 0.1, digi
       onChange={(next) => {
         setDraft(next);
         const number = typeof next === "number" ? next : Number.NaN;
-        if (Number.isFinite(number) && number >= (min ?? -Infinity) && number <= (max ?? Infinity) && number !== rounded(value, digits)) onChange(number);
+        if (Number.isFinite(number) && number >= (min ?? -Infinity) && number <= (max ?? Infinity) && number !== rounded(value, digits)) {
+          passedOn.current = number;
+          onChange(number);
+        }
       }}
     />
   );

@@ -21,13 +21,19 @@ pub(super) struct Drawing {
     pub arrived: Instant,
     pub began: Instant,
     pub spent: Duration,
+    /// The part of `spent` that grows with the pixels; loading and compiling are not counted.
+    pub casting: Duration,
     /// What was done since the last frame.
     pub report: Option<FrameReport>,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
+    /// Small enough to come in time; the JPEG quality.
     Moving(u8),
+    /// At rest, on slow devices: reduced, because the full size will take long.
+    Preview,
+    /// At rest, at full size.
     Still,
 }
 
@@ -67,6 +73,12 @@ pub(super) fn header(
         encode_micros: 0,
         payload_bytes: 0,
     }
+}
+
+/// Time a slice spent casting rays.
+pub(super) fn casting_time(drawn: &Drawn) -> Duration {
+    let casting = drawn.stages.iter().filter(|stage| stage.stage == scene::plan::Pass::RayCast.name());
+    Duration::from_secs_f64(casting.map(|stage| stage.millis / 1e3).sum())
 }
 
 /// Adds a slice to the report of the frame it belongs to.

@@ -143,7 +143,8 @@ impl RenderThread {
     /// The device refuses, or the system has no thread left.
     pub fn start(gpu: Arc<Gpu>, max_waiting_stills: usize) -> Result<Self, RenderError> {
         let device = gpu.info().clone();
-        let renderer = Renderer::new(gpu)?;
+        let mut renderer = Renderer::new(gpu)?;
+        renderer.warm_up()?;
         let inbox = Inbox {
             viewers: HashMap::new(),
             stills: VecDeque::new(),

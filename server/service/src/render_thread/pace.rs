@@ -10,6 +10,8 @@ use std::time::Duration;
 const LEVELS: u32 = 16;
 /// The smallest level: an eighth of the viewport's edges.
 const MIN_LEVEL: u32 = 2;
+/// The smallest level of a picture at rest.
+const PREVIEW_LEVEL: u32 = 4;
 /// A larger size must fit into this share of the time.
 const GROWTH_SHARE: f64 = 0.85;
 /// Weight of the newest measurement.
@@ -96,6 +98,19 @@ impl Pace {
         Moving { width, height, quality: self.quality }
     }
 
+    /// Time one pass over so many pixels is expected to take.
+    pub fn expected(&self, pixels: u64) -> Duration {
+        Duration::from_secs_f64(pixels as f64 * self.millis_per_pixel / 1e3)
+    }
+
+    /// The largest size that is expected to be drawn within `time`, but at least a quarter of the
+    /// viewport's edges: a sixteenth of the full time.
+    pub fn preview_size(&self, viewport: (u32, u32), time: Duration) -> (u32, u32) {
+        let millis = time.as_secs_f64() * 1e3;
+        let fits = |&level: &u32| pixels(viewport, level) * self.millis_per_pixel <= millis;
+        size(viewport, (PREVIEW_LEVEL..=LEVELS).rev().find(fits).unwrap_or(PREVIEW_LEVEL))
+    }
+
     /// A moving picture of so many pixels took so long.
     pub fn measured(&mut self, pixels: u64, spent: Duration) {
         let measured = spent.as_secs_f64() * 1e3 / pixels.max(1) as f64;
@@ -140,6 +155,19 @@ mod tests {
             last = (pace.next(VIEWPORT, TIME, link), millis);
         }
         last
+    }
+
+    #[test]
+    fn a_preview_fits_its_time() {
+        let mut pace = Pace::new(true);
+        play(&mut pace, 1e-2, 0.0, Link::default());
+        let full = u64::from(VIEWPORT.0) * u64::from(VIEWPORT.1);
+        assert!((pace.expected(full).as_secs_f64() - 9.2).abs() < 0.5);
+        let time = Duration::from_millis(500);
+        let (width, height) = pace.preview_size(VIEWPORT, time);
+        assert_eq!((width, height), (VIEWPORT.0 / 4, VIEWPORT.1 / 4));
+        let (wider, _) = pace.preview_size(VIEWPORT, 4 * time);
+        assert!(wider > width && wider < VIEWPORT.0);
     }
 
     #[test]

@@ -25,6 +25,12 @@ const MOVING_TIME_SOFTWARE: Duration = Duration::from_millis(120);
 const PATIENCE: f64 = 1.5;
 /// Shortest time between two refining pictures.
 const REFINE_INTERVAL: Duration = Duration::from_millis(400);
+/// If one pass at full size is expected to take longer than this, a reduced picture comes first.
+const LONG_PASS: Duration = Duration::from_millis(1200);
+/// Time that reduced picture may take.
+const PREVIEW_TIME: Duration = Duration::from_millis(500);
+/// It must have this many times the pixels already shown to be worth it.
+const PREVIEW_GAIN: u64 = 2;
 /// If the final picture will be there within this time, the first full one is not sent.
 const SOON: Duration = Duration::from_millis(80);
 
@@ -61,6 +67,8 @@ struct Film {
 struct Shown {
     snapshot: Arc<Snapshot>,
     viewport: (u32, u32),
+    /// Pixels of the picture, before it is stretched to the viewport.
+    pixels: u64,
     /// Full resolution, this many samples; 0 for a reduced picture.
     samples_at_full_size: u32,
     is_final: bool,
@@ -116,7 +124,7 @@ impl Watched {
         self.failed = None;
         // A picture at rest of what is no longer wanted ends here; a moving one is finished, so
         // that a steady stream of inputs shows progress.
-        if self.drawing.as_ref().is_some_and(|drawing| drawing.kind == Kind::Still) {
+        if self.drawing.as_ref().is_some_and(|drawing| !matches!(drawing.kind, Kind::Moving(_))) {
             self.drawing = None;
         }
     }
@@ -163,7 +171,7 @@ impl Watched {
         if in_flight >= MAX_FRAMES_IN_FLIGHT || self.has_failed() {
             return Need::Nothing;
         }
-        if self.drawing.as_ref().is_some_and(|drawing| drawing.kind != Kind::Still) {
+        if self.drawing.as_ref().is_some_and(|drawing| matches!(drawing.kind, Kind::Moving(_))) {
             return Need::Moving;
         }
         let shown = self
@@ -201,10 +209,11 @@ impl Watched {
         }
         let Some(drawing) = &mut self.drawing else { return Ok(()) };
         let (snapshot, target) = (drawing.snapshot.clone(), drawing.target);
-        let budget = if drawing.kind == Kind::Still { slice } else { time };
+        let budget = if matches!(drawing.kind, Kind::Moving(_)) { time } else { slice };
         let request = DrawRequest { snapshot: &snapshot, target, budget: Some(budget) };
         let drawn = renderer.draw(&mut self.view, &request)?;
         frame::accumulate(&mut drawing.report, &drawn);
+        drawing.casting += frame::casting_time(&drawn);
         self.film = Some(Film {
             snapshot,
             viewport: drawing.viewport,
@@ -212,7 +221,11 @@ impl Watched {
         });
         drawing.spent += began.elapsed();
         let result = match drawing.kind {
-            Kind::Moving(quality) if drawn.complete => self.finish_moving(renderer, quality, began),
+            Kind::Moving(quality) if drawn.complete => {
+                self.finish_reduced(renderer, Encoding::Moving(quality), began)
+            }
+            Kind::Preview if drawn.complete => self.finish_reduced(renderer, Encoding::Refining, began),
+            Kind::Preview => Ok(()),
             Kind::Moving(_) => {
                 self.give_up_if_too_slow(time);
                 Ok(())
@@ -238,10 +251,13 @@ impl Watched {
                 let fresh = Target { width, height, samples_per_pixel: 1 };
                 (Kind::Moving(quality), reusable.map_or(fresh, |film| film.held))
             }
-            Need::Still => {
-                let samples_per_pixel = self.input.snapshot.scene.sampling.samples_per_pixel;
-                (Kind::Still, Target { width: viewport.0, height: viewport.1, samples_per_pixel })
-            }
+            Need::Still => match self.preview_size(viewport) {
+                Some((width, height)) => (Kind::Preview, Target { width, height, samples_per_pixel: 1 }),
+                None => {
+                    let samples_per_pixel = self.input.snapshot.scene.sampling.samples_per_pixel;
+                    (Kind::Still, Target { width: viewport.0, height: viewport.1, samples_per_pixel })
+                }
+            },
             Need::Nothing | Need::Until(_) => return None,
         };
         Some(Drawing {
@@ -253,37 +269,52 @@ impl Watched {
             arrived: self.input.arrived,
             began: Instant::now(),
             spent: Duration::ZERO,
+            casting: Duration::ZERO,
             report: None,
         })
     }
 
-    fn finish_moving(
+    /// Size of a reduced picture to show before a long pass at full size, if that pass is long
+    /// and the reduced picture adds enough to what is shown.
+    fn preview_size(&self, viewport: (u32, u32)) -> Option<(u32, u32)> {
+        let full = u64::from(viewport.0) * u64::from(viewport.1);
+        let (width, height) = self.pace.preview_size(viewport, PREVIEW_TIME);
+        let pixels = u64::from(width) * u64::from(height);
+        let shown = self.shown.as_ref().map_or(0, |shown| shown.pixels);
+        let film_has_it = self
+            .film
+            .as_ref()
+            .is_some_and(|film| film.viewport == viewport && (film.held.width, film.held.height) == viewport);
+        let worth_it = !film_has_it && self.pace.expected(full) > LONG_PASS && pixels >= PREVIEW_GAIN * shown;
+        worth_it.then_some((width, height))
+    }
+
+    /// Shows a picture of one pass at a size chosen for its time.
+    fn finish_reduced(
         &mut self,
         renderer: &mut Renderer,
-        quality: u8,
+        encoding: Encoding,
         slice_began: Instant,
     ) -> Result<(), RenderError> {
         let before = slice_began.elapsed();
         let picture = renderer.picture(&mut self.view)?;
         let Some(mut drawing) = self.drawing.take() else { return Ok(()) };
-        drawing.spent += slice_began.elapsed().saturating_sub(before);
-        let cast_rays = drawing.report.as_ref().is_some_and(|report| {
-            report.plan.iter().any(|pass| pass.runs && pass.pass == scene::plan::Pass::RayCast.name())
-        });
-        if cast_rays {
+        let reading = slice_began.elapsed().saturating_sub(before);
+        drawing.spent += reading;
+        if drawing.casting > Duration::ZERO {
             let pixels = u64::from(drawing.target.width) * u64::from(drawing.target.height);
-            self.pace.measured(pixels, drawing.spent);
+            self.pace.measured(pixels, drawing.casting + reading);
         }
-        self.show(drawing, picture, Encoding::Moving(quality));
+        self.show(drawing, picture, encoding);
         Ok(())
     }
 
     /// A picture that takes too long is begun again smaller, if there is a smaller size.
     fn give_up_if_too_slow(&mut self, time: Duration) {
         let Some(drawing) = &self.drawing else { return };
-        if drawing.spent > time.mul_f64(PATIENCE) {
+        if drawing.casting > time.mul_f64(PATIENCE) {
             let pixels = u64::from(drawing.target.width) * u64::from(drawing.target.height);
-            if self.pace.too_slow(pixels, drawing.spent) {
+            if self.pace.too_slow(pixels, drawing.casting) {
                 self.drawing = None;
             }
         }
@@ -319,11 +350,13 @@ impl Watched {
         self.frame += 1;
         let samples = self.film.as_ref().map_or(0, |film| film.held.samples_per_pixel);
         let is_final = encoding == Encoding::Lossless;
+        let pixels = u64::from(picture.width) * u64::from(picture.height);
         let full_size = (picture.width, picture.height) == drawing.viewport;
         let header = frame::header(self.frame, &drawing, &picture, encoding, samples);
         self.shown = Some(Shown {
             snapshot: drawing.snapshot,
             viewport: drawing.viewport,
+            pixels,
             samples_at_full_size: if full_size && !matches!(encoding, Encoding::Moving(_)) {
                 samples
             } else {
