@@ -55,6 +55,8 @@ pub struct Limits {
     pub max_storage_bytes: u64,
     /// Largest volume in memory, bytes of its voxels.
     pub max_voxel_bytes: u64,
+    /// Largest computed volume, voxels; computing one takes the processors for seconds.
+    pub max_builtin_voxels: u64,
     /// Memory for volumes of all sessions, bytes of their voxels; beyond it loading gets 503.
     pub max_volume_memory_bytes: u64,
     /// Most volumes being loaded at once.
@@ -97,6 +99,7 @@ impl Default for Limits {
             max_datasets: 1000,
             max_storage_bytes: 64 << 30,
             max_voxel_bytes: 4 << 30,
+            max_builtin_voxels: 1 << 27,
             max_volume_memory_bytes: 8 << 30,
             max_loads: 2,
             max_sessions: 64,

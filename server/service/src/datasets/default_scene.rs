@@ -7,28 +7,18 @@
 //! distribution where the two parts differ most. Volumes of few whole values are label maps and
 //! get one colour per label.
 
+mod distribution;
+
+use std::collections::BTreeMap;
+
 use proto::scene_file::{
     Background, BlinnPhong, Brdf, Camera, DirectionalLight, EnvironmentLight, Filter, Light, Material,
     SceneFile, TransferFunction, TransferFunctionPoint, VolumeSource,
 };
-use scene::{Camera as View, Grid, PreparedVolume, Voxels};
+use scene::{Camera as View, Grid, PreparedVolume};
 
-/// Most voxels looked at.
-const MAX_SAMPLES: usize = 1 << 18;
-/// Share of the values at either end that are taken for outliers.
-const OUTLIERS: f64 = 0.001;
-/// Buckets that a threshold is sought among.
-const BUCKETS: usize = 256;
-/// A smallest value is padding if it is this common...
-const PADDING_SHARE: f64 = 0.01;
-/// ...and this far from the next, as a share of the range.
-const PADDING_GAP: f64 = 0.1;
-/// Matter that fills more than this share of the volume hides itself: the threshold is raised.
-const MAX_MATTER_SHARE: f64 = 0.7;
-/// How often the threshold is raised at most.
-const MAX_RAISES: usize = 2;
-/// The dense part is between these shares of the matter.
-const DENSE_SHARE: [f64; 2] = [0.03, 0.35];
+use distribution::{distinct, parts, sorted_values, surroundings};
+
 /// Volumes of whole numbers with at most this many values are label maps.
 const MAX_LABELS: usize = 12;
 
@@ -57,8 +47,8 @@ const UNORIENTED_PITCH_DEGREES: f64 = 18.0;
 pub fn default_scene(prepared: &PreparedVolume, source: VolumeSource) -> SceneFile {
     let mut scene = SceneFile::new(source);
     let values = sorted_values(prepared);
-    let whole = !matches!(prepared.volume.voxels, Voxels::F32(_));
-    let labels = distinct(&values, MAX_LABELS).filter(|_| whole);
+    let whole = |labels: &Vec<f64>| labels.iter().all(|label| label.fract() == 0.0);
+    let labels = distinct(&values, MAX_LABELS).filter(whole);
     match labels {
         Some(labels) if labels.len() > 1 => show_labels(&mut scene, &labels, &values),
         _ => show_scan(&mut scene, prepared, &values),
@@ -71,140 +61,13 @@ pub fn default_scene(prepared: &PreparedVolume, source: VolumeSource) -> SceneFi
     scene
 }
 
-/// Data values of evenly spread voxels, ascending.
-fn sorted_values(prepared: &PreparedVolume) -> Vec<f64> {
-    let volume = &prepared.volume;
-    let count = volume.voxels.len();
-    let layer = volume.dims[0] * volume.dims[1];
-    // A stride without a common factor with the layer size visits every column.
-    let mut stride = count.div_ceil(MAX_SAMPLES).max(1);
-    while stride > 1 && greatest_common_divisor(stride, layer) > 1 {
-        stride += 1;
-    }
-    let value = |index| volume.slope * f64::from(volume.voxels.stored(index)) + volume.intercept;
-    let mut values: Vec<f64> = (0..count).step_by(stride).map(value).collect();
-    values.sort_by(f64::total_cmp);
-    values
-}
-
-fn greatest_common_divisor(a: usize, b: usize) -> usize {
-    if b == 0 { a } else { greatest_common_divisor(b, a % b) }
-}
-
-/// The distinct values, unless there are more than `most`.
-fn distinct(sorted: &[f64], most: usize) -> Option<Vec<f64>> {
-    let mut found: Vec<f64> = Vec::new();
-    for &value in sorted {
-        if found.last() != Some(&value) {
-            if found.len() == most {
-                return None;
-            }
-            found.push(value);
-        }
-    }
-    Some(found)
-}
-
-fn quantile(sorted: &[f64], share: f64) -> f64 {
-    let last = sorted.len().saturating_sub(1);
-    sorted.get((share * last as f64).round() as usize).copied().unwrap_or(0.0)
-}
-
-/// The part of ascending values that lies above a threshold.
-fn above(sorted: &[f64], threshold: f64) -> &[f64] {
-    &sorted[sorted.partition_point(|&value| value <= threshold)..]
-}
-
-/// Otsu's threshold of ascending values: the value that maximises the variance between the two
-/// parts, sought among equal steps between the outliers. `None` if the values are all alike.
-fn otsu(sorted: &[f64]) -> Option<f64> {
-    let (low, high) = (quantile(sorted, OUTLIERS), quantile(sorted, 1.0 - OUTLIERS));
-    if high <= low {
-        return None;
-    }
-    let edge = |bucket: usize| low + (high - low) * bucket as f64 / BUCKETS as f64;
-    let total = sorted.len() as f64;
-    let sum: f64 = sorted.iter().map(|value| value.clamp(low, high)).sum();
-    let (mut best, mut thresholds) = (0.0, Vec::new());
-    let (mut below, mut sum_below) = (0, 0.0);
-    for bucket in 1..BUCKETS {
-        let end = sorted.partition_point(|&value| value <= edge(bucket));
-        sum_below += sorted[below..end].iter().map(|value| value.clamp(low, high)).sum::<f64>();
-        below = end;
-        let weight = below as f64;
-        if weight == 0.0 || weight == total {
-            continue;
-        }
-        let difference = sum_below / weight - (sum - sum_below) / (total - weight);
-        let variance = weight * (total - weight) * difference * difference;
-        // Between two separate lumps every threshold is as good: the middle one is taken.
-        if variance > best * (1.0 + 1e-9) {
-            best = variance;
-            thresholds.clear();
-        }
-        if variance >= best * (1.0 - 1e-9) {
-            thresholds.push(edge(bucket));
-        }
-    }
-    thresholds.get(thresholds.len() / 2).copied()
-}
-
-/// Where nothing ends, where the body lies, and where the dense part begins; data values.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Parts {
-    low: f64,
-    air_end: f64,
-    body: f64,
-    dense: f64,
-    high: f64,
-    /// Share of all voxels that are matter.
-    matter_share: f64,
-}
-
-fn parts(sorted: &[f64]) -> Option<Parts> {
-    let inside = without_padding(sorted);
-    let mut air_end = otsu(inside)?;
-    for _ in 0..MAX_RAISES {
-        let matter = above(inside, air_end);
-        if (matter.len() as f64) <= MAX_MATTER_SHARE * inside.len() as f64 {
-            break;
-        }
-        match otsu(matter) {
-            Some(raised) => air_end = raised,
-            None => break,
-        }
-    }
-    let matter = above(inside, air_end);
-    let [least, most] = DENSE_SHARE.map(|share| quantile(matter, 1.0 - share));
-    let dense = otsu(matter).unwrap_or(least).clamp(most.min(least), least.max(most));
-    let high = quantile(inside, 1.0 - OUTLIERS).max(dense);
-    Some(Parts {
-        low: quantile(inside, OUTLIERS).min(air_end),
-        air_end,
-        body: quantile(matter, 0.5).min(dense),
-        dense,
-        high,
-        matter_share: matter.len() as f64 / sorted.len() as f64,
-    })
-}
-
-/// Scanners fill what they did not see with one value far below everything else.
-fn without_padding(sorted: &[f64]) -> &[f64] {
-    let [Some(&low), Some(&high)] = [sorted.first(), sorted.last()] else {
-        return sorted;
-    };
-    let rest = above(sorted, low);
-    let padded = (sorted.len() - rest.len()) as f64 > PADDING_SHARE * sorted.len() as f64;
-    match rest.first() {
-        Some(&next) if padded && next - low > PADDING_GAP * (high - low) && distinct(rest, 2).is_none() => {
-            rest
-        }
-        _ => sorted,
-    }
-}
-
 fn show_scan(scene: &mut SceneFile, prepared: &PreparedVolume, values: &[f64]) {
-    let Some(parts) = parts(values) else {
+    // Where matter is what lies below its surroundings, the axis is turned around.
+    let turned = parts(values)
+        .zip(surroundings(&prepared.volume))
+        .is_some_and(|(parts, surroundings)| surroundings > parts.air_end);
+    let seen = if turned { values.iter().rev().map(|value| -value).collect() } else { values.to_vec() };
+    let Some(parts) = parts(&seen) else {
         // One value everywhere: a translucent block is all there is to see.
         scene.transfer_function = TransferFunction { points: vec![point(0.0, 3.0, BODY_ALBEDO, "body")] };
         return;
@@ -212,7 +75,7 @@ fn show_scan(scene: &mut SceneFile, prepared: &PreparedVolume, values: &[f64]) {
     // A little above the densest common value, so that the last point is not at the very end.
     let window = [parts.low, parts.high + 0.02 * (parts.high - parts.low)];
     let s = |value: f64| ((value - window[0]) / (window[1] - window[0])).clamp(0.0, 1.0);
-    let grid = Grid::new(prepared.volume.dims, scene.spacing.unwrap_or(prepared.volume.spacing));
+    let grid = Grid::new(prepared.volume.dims, prepared.volume.spacing);
     let depth = grid.size_world.element_sum() / 3.0;
     let thickness = (parts.matter_share * depth).max(f64::EPSILON);
     let body = (BODY_OPTICAL_DEPTH / thickness).clamp(BODY_EXTINCTION[0], BODY_EXTINCTION[1]);
@@ -238,6 +101,11 @@ fn show_scan(scene: &mut SceneFile, prepared: &PreparedVolume, values: &[f64]) {
         same
     });
     scene.value_range = Some(window);
+    if turned {
+        points.reverse();
+        points.iter_mut().for_each(|point| point.s = 1.0 - point.s);
+        scene.value_range = Some([-window[1], -window[0]]);
+    }
     scene.transfer_function = TransferFunction { points };
 }
 
@@ -281,7 +149,7 @@ fn point(s: f64, extinction: f64, albedo: [f64; 3], material: &str) -> TransferF
     }
 }
 
-fn materials() -> std::collections::BTreeMap<String, Material> {
+fn materials() -> BTreeMap<String, Material> {
     let material = |surface, specular, exponent| Material {
         surface,
         brdf: Some(Brdf::BlinnPhong(BlinnPhong { diffuse: 0.85, specular, exponent })),

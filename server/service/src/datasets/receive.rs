@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use axum::body::Bytes;
 use futures_util::{Stream, StreamExt};
@@ -20,6 +20,9 @@ use crate::problem::{Answer, Fault};
 
 /// Longest pause between two pieces of an upload.
 const MAX_PAUSE: Duration = Duration::from_secs(30);
+/// An upload slower than this on average, after its first minute, holds its place for nothing.
+const MIN_BYTES_PER_SECOND: f64 = 1024.0;
+const GRACE: Duration = Duration::from_secs(60);
 /// Bytes gathered before they are handed to the file system.
 const WRITE_BYTES: usize = 1 << 20;
 /// Longest file name kept, characters.
@@ -33,6 +36,7 @@ pub struct Incoming<'a> {
     files: BTreeMap<String, blake3::Hash>,
     bytes: u64,
     reservation: Reservation<'a>,
+    began: Instant,
 }
 
 /// A temporary folder; removed with everything in it when dropped.
@@ -71,6 +75,7 @@ impl<'a> Incoming<'a> {
             files: BTreeMap::new(),
             bytes: 0,
             reservation: app.catalog().reserve(),
+            began: Instant::now(),
         })
     }
 
@@ -121,6 +126,10 @@ impl<'a> Incoming<'a> {
             return Err(Fault::too_large(format!(
                 "An upload may have {most} bytes (`limits.max_upload_bytes`)."
             )));
+        }
+        let elapsed = self.began.elapsed();
+        if elapsed > GRACE && (self.bytes as f64) < MIN_BYTES_PER_SECOND * elapsed.as_secs_f64() {
+            return Err(Fault::timed_out("The upload is too slow; try again on a better link."));
         }
         self.reservation.grow(bytes)
     }

@@ -10,7 +10,8 @@ use std::sync::Arc;
 use formats::{FormatError, Imported, ReadOptions};
 use parking_lot::Mutex;
 use proto::FieldError;
-use proto::scene_file::{Builtin, VolumeSource};
+use proto::rest::Dataset;
+use proto::scene_file::{Builtin, VolumeSource, VoxelType};
 use scene::PreparedVolume;
 use tokio::sync::{Semaphore, watch};
 
@@ -23,8 +24,8 @@ use crate::problem::{Answer, Fault};
 const MAX_WAITING_LOADS: usize = 32;
 /// Decoded bytes of a file, parts that are not chosen included, per byte of the largest volume.
 const DECODED_PER_VOXEL_BYTE: u64 = 4;
-/// Bytes of a computed voxel at most.
-const MAX_BUILTIN_VOXEL_BYTES: u64 = 4;
+/// Bytes of a voxel in memory at most.
+const MAX_VOXEL_BYTES: u64 = 4;
 /// Share of the progress that decoding takes; preparing takes the rest.
 const DECODING_SHARE: f32 = 0.6;
 
@@ -97,12 +98,12 @@ impl Volumes {
         }
         if let Some(kind) = source.builtin {
             let dims = samples::builtin_dims(source);
-            let bytes = voxel_bytes(dims);
-            let most = self.limits.max_voxel_bytes;
-            if bytes > most {
+            let voxels = voxel_count(dims);
+            let most = self.limits.max_builtin_voxels.min(self.limits.max_voxel_bytes / MAX_VOXEL_BYTES);
+            if voxels > most {
                 return Err(FieldError::new(
                     "volume.dims",
-                    format!("ask for up to {bytes} bytes of voxels, at most {most} are allowed"),
+                    format!("ask for {voxels} voxels, at most {most} are computed here"),
                 ));
             }
             return Ok(Key::Builtin(kind, dims));
@@ -115,11 +116,6 @@ impl Volumes {
             return Err(FieldError::new("volume.dataset", no_such_dataset(id).problem.detail));
         }
         Ok(Key::Dataset(id.to_owned(), source.index))
-    }
-
-    /// A volume if it is in memory.
-    pub fn ready(&self, key: &Key) -> Option<Arc<PreparedVolume>> {
-        self.state.lock().touch(key)
     }
 
     /// A volume, loaded if need be; `progress` is told 0..1.
@@ -221,16 +217,14 @@ impl Volumes {
         Ok(Arc::new(PreparedVolume::new(volume, &preparing)))
     }
 
-    /// Bytes a volume takes at most, known before it is read.
+    /// Bytes a volume takes in memory at most, known before it is read.
     fn expected_bytes(&self, key: &Key) -> Answer<u64> {
+        let of_dataset = |dataset: &Dataset| voxel_count(dataset.dims) * memory_bytes(dataset.voxel_type);
         Ok(match key {
-            Key::Builtin(_, dims) => voxel_bytes(*dims),
+            Key::Builtin(_, dims) => voxel_count(*dims) * MAX_VOXEL_BYTES,
             Key::Dataset(id, _) => match self.samples.get(id) {
-                Some(sample) => voxel_bytes(sample.dataset.dims),
-                None => {
-                    let manifest = self.catalog.get(id).ok_or_else(|| no_such_dataset(id))?;
-                    voxel_bytes(manifest.dataset.dims)
-                }
+                Some(sample) => of_dataset(&sample.dataset),
+                None => of_dataset(&self.catalog.get(id).ok_or_else(|| no_such_dataset(id))?.dataset),
             },
         })
     }
@@ -297,9 +291,18 @@ pub fn read(
     )
 }
 
-fn voxel_bytes(dims: [u32; 3]) -> u64 {
-    let edges = dims.map(u64::from);
-    edges.iter().fold(MAX_BUILTIN_VOXEL_BYTES, |bytes, &edge| bytes.saturating_mul(edge))
+fn voxel_count(dims: [u32; 3]) -> u64 {
+    // Far below 2^62: no volume of such dims is ever described.
+    dims.iter().fold(1, |count: u64, &edge| count.saturating_mul(edge.into())).min(1 << 60)
+}
+
+/// Bytes of a file's voxel in memory; wider types than these are converted.
+fn memory_bytes(voxel_type: VoxelType) -> u64 {
+    match voxel_type {
+        VoxelType::Uint8 => 1,
+        VoxelType::Int8 | VoxelType::Uint16 | VoxelType::Int16 => 2,
+        _ => MAX_VOXEL_BYTES,
+    }
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@
 //! queues up, so the newest state always wins. Finished pictures leave through the viewer's
 //! bounded channel and are encoded elsewhere.
 
+mod frame;
 mod pace;
 mod watched;
 mod worker;

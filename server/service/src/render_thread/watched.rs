@@ -3,13 +3,13 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use proto::frame::{FLAG_FINAL, FLAG_MOVING, FRAME_HEADER_BYTES, FRAME_MAGIC, FrameHeader};
-use proto::plan::{FrameReport, StageTime};
+use proto::plan::FrameReport;
 use render::{DrawRequest, Drawn, Picture, RenderError, Renderer, View};
 use scene::Snapshot;
 use scene::plan::{Caches, FilmPlan, FilmState, Plan, Target};
 use tokio::sync::mpsc::error::TrySendError;
 
+use super::frame::{self, Drawing, Kind};
 use super::pace::{Moving, Pace};
 use super::{Encoding, FinishedFrame, MAX_FRAMES_IN_FLIGHT, Output, ViewerInput};
 
@@ -73,32 +73,6 @@ struct Shown {
     samples_at_full_size: u32,
     is_final: bool,
     sent: Instant,
-}
-
-/// A picture under way.
-struct Drawing {
-    kind: Kind,
-    snapshot: Arc<Snapshot>,
-    viewport: (u32, u32),
-    target: Target,
-    seq: u32,
-    arrived: Instant,
-    began: Instant,
-    spent: Duration,
-    /// The part of `spent` that grows with the pixels; loading and compiling are not counted.
-    casting: Duration,
-    /// What was done since the last frame.
-    report: Option<FrameReport>,
-}
-
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Kind {
-    /// Small enough to come in time; the JPEG quality.
-    Moving(u8),
-    /// At rest, on slow devices: reduced, because the full size will take long.
-    Preview,
-    /// At rest, at full size.
-    Still,
 }
 
 /// What a viewer needs of the GPU.
@@ -219,7 +193,8 @@ impl Watched {
         self.failed.as_ref().is_some_and(|snapshot| Arc::ptr_eq(snapshot, &self.input.snapshot))
     }
 
-    /// Works on the present picture for one slice; `sharers` viewers are moving at once.
+    /// Works on the present picture for one slice; `sharers` viewers are moving at once. A moving
+    /// picture gets all its time at once: it is wanted whole, and each slice costs a wait.
     pub(super) fn advance(
         &mut self,
         renderer: &mut Renderer,
@@ -234,10 +209,11 @@ impl Watched {
         }
         let Some(drawing) = &mut self.drawing else { return Ok(()) };
         let (snapshot, target) = (drawing.snapshot.clone(), drawing.target);
-        let request = DrawRequest { snapshot: &snapshot, target, budget: Some(slice) };
+        let budget = if matches!(drawing.kind, Kind::Moving(_)) { time } else { slice };
+        let request = DrawRequest { snapshot: &snapshot, target, budget: Some(budget) };
         let drawn = renderer.draw(&mut self.view, &request)?;
-        accumulate(&mut drawing.report, &drawn);
-        drawing.casting += casting_time(&drawn);
+        frame::accumulate(&mut drawing.report, &drawn);
+        drawing.casting += frame::casting_time(&drawn);
         self.film = Some(Film {
             snapshot,
             viewport: drawing.viewport,
@@ -374,40 +350,13 @@ impl Watched {
         self.frame += 1;
         let samples = self.film.as_ref().map_or(0, |film| film.held.samples_per_pixel);
         let is_final = encoding == Encoding::Lossless;
-        let picture_pixels = (picture.width, picture.height);
-        let full_size = picture_pixels == drawing.viewport;
-        let epoch = drawing.snapshot.epoch;
-        let flags = match encoding {
-            Encoding::Moving(_) => FLAG_MOVING,
-            Encoding::Refining => 0,
-            Encoding::Lossless => FLAG_FINAL,
-        };
-        let header = FrameHeader {
-            magic: FRAME_MAGIC,
-            header_bytes: FRAME_HEADER_BYTES as u16,
-            format: 0,
-            flags,
-            frame: self.frame,
-            seq: drawing.seq,
-            snapshot_epoch: epoch,
-            illumination_epoch: epoch,
-            illumination_completeness: 1.0,
-            samples_per_pixel: samples,
-            error_estimate: f32::NAN,
-            width: edge(picture.width),
-            height: edge(picture.height),
-            viewport_width: edge(drawing.viewport.0),
-            viewport_height: edge(drawing.viewport.1),
-            quality: 0,
-            queue_micros: micros(drawing.began.saturating_duration_since(drawing.arrived)),
-            render_micros: micros(drawing.spent),
-            encode_micros: 0,
-            payload_bytes: 0,
-        };
+        let pixels = u64::from(picture.width) * u64::from(picture.height);
+        let full_size = (picture.width, picture.height) == drawing.viewport;
+        let header = frame::header(self.frame, &drawing, &picture, encoding, samples);
         self.shown = Some(Shown {
             snapshot: drawing.snapshot,
             viewport: drawing.viewport,
-            pixels: u64::from(picture_pixels.0) * u64::from(picture_pixels.1),
+            pixels,
             samples_at_full_size: if full_size && !matches!(encoding, Encoding::Moving(_)) {
                 samples
             } else {
@@ -445,37 +394,4 @@ impl Watched {
             Err(TrySendError::Full(_)) => tracing::error!("a viewer's frames exceed those in flight"),
         }
     }
-}
-
-/// Time a slice spent casting rays.
-fn casting_time(drawn: &Drawn) -> Duration {
-    let casting = drawn.stages.iter().filter(|stage| stage.stage == scene::plan::Pass::RayCast.name());
-    Duration::from_secs_f64(casting.map(|stage| stage.millis / 1e3).sum())
-}
-
-/// Adds a slice to the report of the frame it belongs to.
-fn accumulate(report: &mut Option<FrameReport>, drawn: &Drawn) {
-    let slice = drawn.report();
-    let Some(report) = report else {
-        *report = Some(slice);
-        return;
-    };
-    for StageTime { stage, millis } in slice.stages {
-        match report.stages.iter_mut().find(|known| known.stage == stage) {
-            Some(known) => known.millis += millis,
-            None => report.stages.push(StageTime { stage, millis }),
-        }
-    }
-    for (name, count) in slice.counters {
-        *report.counters.entry(name).or_default() += count;
-    }
-    report.gpu_bytes = slice.gpu_bytes;
-}
-
-fn edge(pixels: u32) -> u16 {
-    u16::try_from(pixels).unwrap_or(u16::MAX)
-}
-
-fn micros(time: Duration) -> u32 {
-    u32::try_from(time.as_micros()).unwrap_or(u32::MAX)
 }

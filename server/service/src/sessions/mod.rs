@@ -4,9 +4,11 @@
 //! applied whole or not at all. Everything here computes for a moment under the session's lock and
 //! is called where blocking is allowed, never on the async threads.
 
+mod edits;
+mod registry;
 pub mod routes;
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -14,21 +16,19 @@ use parking_lot::Mutex;
 use proto::control::ServerMessage;
 use proto::scene_file::{Camera, SceneFile};
 use proto::{FieldError, rest};
-use scene::{PreparedVolume, Scene, Snapshot};
+use scene::{Scene, Snapshot};
 use serde_json::Value;
 use tokio::sync::{mpsc, watch};
 use tokio_util::sync::CancellationToken;
 
-use crate::App;
-use crate::datasets::storage::random_hex;
-use crate::datasets::volumes::Key;
-use crate::problem::{Answer, Fault};
-use crate::render_thread::{Output, ViewerId};
+pub use edits::{Edit, Loaded};
+pub use registry::{Sessions, no_such_session};
 
-/// Random bytes of a session's identifier: whoever knows it may use the session.
-const ID_BYTES: usize = 16;
-/// How often an edit is tried again because its volume went from memory in between.
-const MAX_LOADS_PER_EDIT: usize = 3;
+use crate::App;
+use crate::datasets::volumes::Key;
+use crate::problem::Answer;
+use crate::render_thread::{Output, ViewerId};
+use edits::{Checked, Current, Refusal};
 
 /// A scene and its viewers.
 pub struct Session {
@@ -67,28 +67,6 @@ struct Viewer {
     waiting_from: Option<u32>,
 }
 
-/// An edit of the scene as a whole.
-#[derive(Debug, Clone)]
-pub enum Edit {
-    /// JSON merge patch (RFC 7396).
-    Patch(Value),
-    /// Replaces the scene.
-    Replace(Value),
-}
-
-/// Why an edit was not applied.
-enum Refusal {
-    Field(FieldError),
-    /// Its volume has to be loaded first.
-    Needs(Key),
-}
-
-impl From<FieldError> for Refusal {
-    fn from(error: FieldError) -> Self {
-        Refusal::Field(error)
-    }
-}
-
 /// What became of a viewer's patches.
 #[derive(Default)]
 pub struct Patched {
@@ -96,27 +74,6 @@ pub struct Patched {
     pub rejected: Vec<(u32, FieldError)>,
     /// The volume that the last so many patches wait for.
     pub waiting: Option<(Key, usize)>,
-}
-
-/// A scene that passed every check.
-struct Checked {
-    file: SceneFile,
-    key: Key,
-    scene: Scene,
-}
-
-/// The scene an edit starts from.
-#[derive(Clone, Copy)]
-struct Current<'a> {
-    file: &'a SceneFile,
-    key: &'a Key,
-    volume: &'a Arc<PreparedVolume>,
-}
-
-impl Checked {
-    fn current(&self) -> Current<'_> {
-        Current { file: &self.file, key: &self.key, volume: &self.scene.volume }
-    }
 }
 
 impl State {
@@ -161,34 +118,40 @@ impl Session {
     /// The field at fault, or the volume cannot be loaded. The scene is unchanged then.
     pub async fn edit(self: &Arc<Self>, app: &Arc<App>, edit: Edit) -> Answer<()> {
         let mut loaded = None;
-        for _ in 0..MAX_LOADS_PER_EDIT {
+        loop {
             let (session, shared, edit) = (self.clone(), app.clone(), edit.clone());
-            let apply = move || session.try_edit(&shared, &edit);
+            let apply = move || session.try_edit(&shared, &edit, loaded.as_ref());
             match crate::blocking("editing a scene", apply).await? {
                 Ok(()) => return Ok(()),
                 Err(Refusal::Field(error)) => return Err(error.into()),
-                // Held until the edit is applied, so that it stays in memory.
-                Err(Refusal::Needs(key)) => loaded = Some(app.volumes().load(&key, |_| {}).await?),
+                // A patch may need another volume than before if the scene changed in between.
+                Err(Refusal::Needs(key)) => loaded = Some(Loaded::load(app, key, |_| {}).await?),
             }
         }
-        drop(loaded);
-        Err(Fault::busy("The volume was dropped from memory again and again; try again shortly."))
     }
 
-    fn try_edit(&self, app: &App, edit: &Edit) -> Result<(), Refusal> {
+    fn try_edit(&self, app: &App, edit: &Edit, loaded: Option<&Loaded>) -> Result<(), Refusal> {
         let mut state = self.state.lock();
         let value = match edit {
             Edit::Replace(value) => value.clone(),
-            Edit::Patch(patch) => merged(&state.file, patch)?,
+            Edit::Patch(patch) => edits::merged(&state.file, patch)?,
         };
-        let checked = check(app, state.current(), value)?;
+        let checked = edits::check(app, state.current(), loaded, value)?;
         self.commit(app, &mut state, checked, None);
         Ok(())
     }
 
     /// Applies a viewer's patches in order. Each is checked on its own, so that what is refused
     /// does not depend on what arrived together; what is accepted is one edit of the scene.
-    pub fn patch(&self, app: &App, number: u32, patches: &[(u32, Value)], arrived: Instant) -> Patched {
+    /// `loaded` is the volume that earlier patches waited for.
+    pub fn patch(
+        &self,
+        app: &App,
+        number: u32,
+        patches: &[(u32, Value)],
+        loaded: Option<&Loaded>,
+        arrived: Instant,
+    ) -> Patched {
         let mut outcome = Patched::default();
         let mut state = self.state.lock();
         let Some(viewer) = state.viewers.get(&number) else { return outcome };
@@ -197,7 +160,7 @@ impl Session {
         let mut done_seq = viewer.done_seq;
         for (index, (seq, patch)) in patches.iter().enumerate() {
             let current = accepted.as_ref().map_or_else(|| state.current(), Checked::current);
-            match patched(app, current, &camera, *seq, patch) {
+            match edits::patched(app, current, loaded, &camera, *seq, patch) {
                 Ok((checked, moves_camera)) => {
                     if let (true, Some(moved)) = (moves_camera, &checked.file.camera) {
                         camera = (moved.clone(), *seq);
@@ -326,6 +289,32 @@ impl Session {
         ServerMessage::Scene { epoch: state.epoch, seq, scene: Box::new(scene) }
     }
 
+    /// A session with a scene.
+    fn new(id: String, checked: Checked) -> Self {
+        let Checked { file, key, scene } = checked;
+        let state = State {
+            file,
+            key,
+            scene,
+            epoch: 1,
+            viewers: BTreeMap::new(),
+            next_viewer: 1,
+            idle_since: Instant::now(),
+        };
+        Self {
+            id,
+            created_unix_millis: crate::unix_millis(),
+            state: Mutex::new(state),
+            epoch: watch::Sender::new(1),
+            ended: CancellationToken::new(),
+        }
+    }
+
+    /// Connected viewers.
+    fn viewer_count(&self) -> u32 {
+        self.state.lock().viewers.len() as u32
+    }
+
     /// How long nobody has used it; `None` while it has viewers.
     fn idle(&self, now: Instant) -> Option<Duration> {
         let state = self.state.lock();
@@ -362,178 +351,4 @@ fn viewer_snapshot(state: &State, viewer: &Viewer) -> Arc<Snapshot> {
 fn filled_camera(file: &SceneFile, scene: &Scene) -> Camera {
     let anatomical = scene.volume.volume.orientation.is_some();
     file.camera.clone().unwrap_or_else(|| scene::Camera::default_file(anatomical))
-}
-
-/// One patch on a scene, checked, and whether it moves the viewer's camera. It is merged with that
-/// camera, not the session's; a camera the viewer moved after it sent the patch is not moved back.
-fn patched(
-    app: &App,
-    current: Current<'_>,
-    (camera, camera_seq): &(Camera, u32),
-    seq: u32,
-    patch: &Value,
-) -> Result<(Checked, bool), Refusal> {
-    let moves_camera = patch.get("camera").is_some();
-    let mut base = current.file.clone();
-    let value = if !moves_camera {
-        merged(&base, patch)?
-    } else if seq >= *camera_seq {
-        base.camera = Some(camera.clone());
-        merged(&base, patch)?
-    } else {
-        let mut rest = patch.clone();
-        if let Value::Object(fields) = &mut rest {
-            fields.remove("camera");
-        }
-        merged(&base, &rest)?
-    };
-    Ok((check(app, current, value)?, moves_camera && seq >= *camera_seq))
-}
-
-/// A scene file with a merge patch applied, not yet checked.
-fn merged(file: &SceneFile, patch: &Value) -> Result<Value, FieldError> {
-    if !patch.is_object() {
-        return Err(FieldError::new("", "a merge patch must be a JSON object"));
-    }
-    let mut value = serde_json::to_value(file).map_err(|error| FieldError::new("", error.to_string()))?;
-    json_patch::merge(&mut value, patch);
-    Ok(value)
-}
-
-/// Decodes and checks a scene against its volume, which must be in memory.
-fn check(app: &App, current: Current<'_>, value: Value) -> Result<Checked, Refusal> {
-    let file = SceneFile::from_value(value)?;
-    let key = app.volumes().key(&file.volume)?;
-    let volume = if *current.key == key {
-        current.volume.clone()
-    } else {
-        let volume = app.volumes().ready(&key).ok_or_else(|| Refusal::Needs(key.clone()))?;
-        app.upload(&volume).map_err(|fault| fault.as_field_error())?;
-        volume
-    };
-    check_with(file, key, volume).map_err(Refusal::Field)
-}
-
-fn check_with(mut file: SceneFile, key: Key, volume: Arc<PreparedVolume>) -> Result<Checked, FieldError> {
-    let scene = Scene::new(&file, volume)?;
-    render::check(&scene)?;
-    file.camera = Some(filled_camera(&file, &scene));
-    Ok(Checked { file, key, scene })
-}
-
-/// Every session.
-pub struct Sessions {
-    by_id: Mutex<HashMap<String, Arc<Session>>>,
-    most: usize,
-    idle_bound: Duration,
-}
-
-impl Sessions {
-    /// None yet.
-    pub fn new(most: usize, idle_bound: Duration) -> Self {
-        Self { by_id: Mutex::default(), most, idle_bound }
-    }
-
-    /// Opens a session; its volume is loaded first.
-    ///
-    /// # Errors
-    /// Too many sessions (503), the field at fault, or the volume cannot be loaded.
-    pub async fn create(&self, app: &Arc<App>, file: SceneFile) -> Answer<Arc<Session>> {
-        file.validate()?;
-        self.expire();
-        self.check_room()?;
-        let (volumes, source) = (app.volumes().clone(), file.volume.clone());
-        let key = crate::blocking("opening a session", move || volumes.key(&source)).await??;
-        let volume = app.volumes().load(&key, |_| {}).await?;
-        let shared = app.clone();
-        let checked = crate::blocking("opening a session", move || {
-            shared.upload(&volume)?;
-            check_with(file, key, volume).map_err(Fault::from)
-        })
-        .await??;
-        let Checked { file, key, scene } = checked;
-        let id = random_hex(ID_BYTES).map_err(|error| Fault::internal("opening a session", &error))?;
-        let session = Arc::new(Session {
-            id: id.clone(),
-            created_unix_millis: crate::unix_millis(),
-            state: Mutex::new(State {
-                file,
-                key,
-                scene,
-                epoch: 1,
-                viewers: BTreeMap::new(),
-                next_viewer: 1,
-                idle_since: Instant::now(),
-            }),
-            epoch: watch::Sender::new(1),
-            ended: CancellationToken::new(),
-        });
-        let mut sessions = self.by_id.lock();
-        if sessions.len() >= self.most {
-            drop(sessions);
-            return self.check_room().map(|()| session);
-        }
-        sessions.insert(id, session.clone());
-        Ok(session)
-    }
-
-    fn check_room(&self) -> Answer<()> {
-        if self.by_id.lock().len() < self.most {
-            return Ok(());
-        }
-        let most = self.most;
-        Err(Fault::busy(format!(
-            "There are {most} sessions, the most this service keeps (`limits.max_sessions`); delete one or wait."
-        )))
-    }
-
-    /// One session.
-    pub fn get(&self, id: &str) -> Option<Arc<Session>> {
-        self.by_id.lock().get(id).cloned()
-    }
-
-    /// Every session, oldest first.
-    pub fn list(&self) -> Vec<Arc<Session>> {
-        let mut sessions: Vec<_> = self.by_id.lock().values().cloned().collect();
-        sessions.sort_by_key(|session| session.created_unix_millis);
-        sessions
-    }
-
-    /// Number of sessions and of their viewers.
-    pub fn counts(&self) -> (u32, u32) {
-        let sessions = self.list();
-        let viewers = sessions.iter().map(|session| session.state.lock().viewers.len() as u32).sum();
-        (sessions.len() as u32, viewers)
-    }
-
-    /// Deletes a session; its viewers are told.
-    ///
-    /// # Errors
-    /// There is no such session.
-    pub fn delete(&self, id: &str) -> Answer<()> {
-        let session = self.by_id.lock().remove(id).ok_or_else(|| no_such_session(id))?;
-        session.ended.cancel();
-        Ok(())
-    }
-
-    /// Closes sessions that nobody has used for long.
-    pub fn expire(&self) {
-        let now = Instant::now();
-        let idle = |session: &Session| session.idle(now).is_some_and(|idle| idle >= self.idle_bound);
-        self.by_id.lock().retain(|_, session| {
-            let expired = idle(session);
-            if expired {
-                session.ended.cancel();
-            }
-            !expired
-        });
-    }
-}
-
-/// The answer to an unknown session.
-pub fn no_such_session(id: &str) -> Fault {
-    let shown: String = id.chars().take(64).collect();
-    Fault::not_found(format!(
-        "There is no session `{shown}`; it may have been closed after a time without viewers. POST /api/v1/sessions opens one."
-    ))
 }

@@ -24,16 +24,18 @@ const MAX_STILL_PIXELS: u64 = 8 << 20;
 
 /// What the service is and how busy.
 #[utoipa::path(get, path = "/status", tag = "service", responses((status = OK, body = Status)))]
-pub async fn status(State(app): State<Arc<App>>) -> JsonAnswer<Status> {
-    let (sessions, viewers) = app.sessions().counts();
-    JsonAnswer(Status {
+pub async fn status(State(app): State<Arc<App>>) -> Answer<JsonAnswer<Status>> {
+    let shared = app.clone();
+    let (sessions, viewers) =
+        crate::blocking("counting sessions", move || shared.sessions().counts()).await?;
+    Ok(JsonAnswer(Status {
         version: env!("CARGO_PKG_VERSION").into(),
         device: app.renderer().device().clone(),
         sessions,
         viewers,
         max_upload_bytes: app.config().limits.max_upload_bytes,
         methods: render::METHODS_BUILT.iter().map(|method| method.name().to_owned()).collect(),
-    })
+    }))
 }
 
 /// Lists sessions, oldest first.
@@ -80,7 +82,8 @@ pub async fn create(State(app): State<Arc<App>>, Json(wish): Json<CreateSession>
         fault
     })?;
     let location = format!("/api/v1/sessions/{}", session.id);
-    Ok((StatusCode::CREATED, [(header::LOCATION, location)], JsonAnswer(session.describe())).into_response())
+    let document = described(session).await?;
+    Ok((StatusCode::CREATED, [(header::LOCATION, location)], document).into_response())
 }
 
 /// A session with its scene.
@@ -89,7 +92,7 @@ pub async fn create(State(app): State<Arc<App>>, Json(wish): Json<CreateSession>
     responses((status = OK, body = SessionDocument), (status = NOT_FOUND, body = Problem, content_type = "application/problem+json"))
 )]
 pub async fn get(State(app): State<Arc<App>>, Path(id): Path<String>) -> Answer<JsonAnswer<SessionDocument>> {
-    Ok(JsonAnswer(find(&app, &id)?.describe()))
+    described(find(&app, &id)?).await
 }
 
 /// Closes a session; its viewers are told.
@@ -108,7 +111,8 @@ pub async fn delete(State(app): State<Arc<App>>, Path(id): Path<String>) -> Answ
     responses((status = OK, body = SceneFile), (status = NOT_FOUND, body = Problem, content_type = "application/problem+json"))
 )]
 pub async fn get_scene(State(app): State<Arc<App>>, Path(id): Path<String>) -> Answer<JsonAnswer<SceneFile>> {
-    Ok(JsonAnswer(find(&app, &id)?.scene_file()))
+    let session = find(&app, &id)?;
+    crate::blocking("reading a scene", move || JsonAnswer(session.scene_file())).await
 }
 
 /// Replaces the session's scene. Connected viewers keep their cameras.
@@ -150,7 +154,12 @@ pub async fn patch_scene(
 async fn edit(app: &Arc<App>, id: &str, edit: Edit) -> Answer<JsonAnswer<SessionDocument>> {
     let session = find(app, id)?;
     session.edit(app, edit).await?;
-    Ok(JsonAnswer(session.describe()))
+    described(session).await
+}
+
+/// A session as REST tells it; an edit under way may hold it for a moment.
+async fn described(session: Arc<Session>) -> Answer<JsonAnswer<SessionDocument>> {
+    crate::blocking("reading a session", move || JsonAnswer(session.describe())).await
 }
 
 fn find(app: &App, id: &str) -> Answer<Arc<Session>> {
@@ -203,7 +212,8 @@ pub async fn snapshot(
     Query(query): Query<StillQuery>,
 ) -> Answer<Response> {
     let session = find(&app, &id)?;
-    let (file, snapshot) = (session.scene_file(), session.snapshot());
+    let (file, snapshot) =
+        crate::blocking("reading a session", move || (session.scene_file(), session.snapshot())).await?;
     let target = Target {
         width: query.width.unwrap_or(file.image.width),
         height: query.height.unwrap_or(file.image.height),

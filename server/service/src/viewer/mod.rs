@@ -100,12 +100,14 @@ async fn connection(app: Arc<App>, id: String, mut socket: WebSocket) {
         epochs,
     };
     let writer = tokio::spawn(writer.run(sink, welcome));
-    let reader = reader::Reader::new(app, member, meter, notes);
+    let reader = reader::Reader::new(app, member.clone(), meter, notes);
     reader.run(stream, &writer).await;
     // The writer ends when it has sent what the reader left, or gives up on a slow viewer.
     if let Err(error) = writer.await {
         tracing::error!(%error, "a viewer's connection failed");
     }
+    // Leaving may have to wait for an edit; a failure is logged.
+    drop(crate::blocking("leaving a session", move || drop(member)).await);
 }
 
 /// Waits for the first message.

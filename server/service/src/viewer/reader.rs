@@ -12,7 +12,6 @@ use parking_lot::Mutex;
 use proto::FieldError;
 use proto::control::{ClientMessage, ServerMessage};
 use proto::scene_file::Camera;
-use scene::PreparedVolume;
 use serde_json::Value;
 use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
@@ -22,10 +21,12 @@ use super::link::LinkMeter;
 use super::{CLOSE_GOING_AWAY, CLOSE_NO_SESSION, CLOSE_TOO_SLOW, Note};
 use crate::App;
 use crate::problem::Answer;
-use crate::sessions::{Member, Patched};
+use crate::sessions::{Loaded, Member, Patched};
 
 /// A connection on which nothing arrives for this long, not even answers to pings, is dead.
 const SILENCE: Duration = Duration::from_secs(60);
+/// Messages of this size take long enough to decode that another thread does it.
+const LARGE_MESSAGE_BYTES: usize = 32 << 10;
 /// Messages taken together at most.
 const MAX_TOGETHER: usize = 256;
 /// Shortest time between two applications of edits; what arrives between is applied together.
@@ -43,7 +44,7 @@ const PIXEL_RATIOS: std::ops::RangeInclusive<f64> = 0.25..=4.0;
 /// Shortest time between two progress messages.
 const PROGRESS_INTERVAL: Duration = Duration::from_millis(100);
 
-type Loading = Pin<Box<dyn Future<Output = Answer<Arc<PreparedVolume>>> + Send>>;
+type Loading = Pin<Box<dyn Future<Output = Answer<Loaded>> + Send>>;
 
 /// Takes what a viewer sends.
 pub(super) struct Reader {
@@ -130,7 +131,7 @@ impl Reader {
                     self.loading = None;
                     self.loaded(loaded).await
                 }
-                () = sleep_until(next_patch), if edits_due => self.apply_patches().await,
+                () = sleep_until(next_patch), if edits_due => self.apply_patches(None).await,
                 message = timeout(SILENCE, stream.next()) => match message {
                     Ok(Some(Ok(message))) => self.take_together(message, stream).await,
                     Ok(Some(Err(_)) | None) | Err(_) => return End::Left,
@@ -149,10 +150,10 @@ impl Reader {
         stream: &mut SplitStream<WebSocket>,
     ) -> Result<(), End> {
         self.arrived = Instant::now();
-        self.take(first)?;
+        self.take(first).await?;
         for _ in 1..MAX_TOGETHER {
             match stream.next().now_or_never() {
-                Some(Some(Ok(message))) => self.take(message)?,
+                Some(Some(Ok(message))) => self.take(message).await?,
                 Some(Some(Err(_)) | None) => return Err(End::Left),
                 None => break,
             }
@@ -161,12 +162,21 @@ impl Reader {
         self.apply_camera().await
     }
 
-    fn take(&mut self, message: Message) -> Result<(), End> {
+    async fn take(&mut self, message: Message) -> Result<(), End> {
         match message {
-            Message::Text(text) => match proto::field::from_json::<Value>(&text) {
-                Ok(value) => self.take_message(value, text.len()),
-                Err(error) => self.reject(0, error),
-            },
+            Message::Text(text) => {
+                let bytes = text.len();
+                let decoded = if bytes < LARGE_MESSAGE_BYTES {
+                    proto::field::from_json::<Value>(&text)
+                } else {
+                    let decode = move || proto::field::from_json::<Value>(&text);
+                    crate::blocking("decoding a message", decode).await.map_err(|_| End::Left)?
+                };
+                match decoded {
+                    Ok(value) => self.take_message(value, bytes),
+                    Err(error) => self.reject(0, error),
+                }
+            }
             Message::Binary(_) => self.reject(0, FieldError::new("", "binary messages are not understood")),
             Message::Close(_) => Err(End::Left),
             Message::Ping(_) | Message::Pong(_) => Ok(()),
@@ -244,13 +254,13 @@ impl Reader {
     }
 
     /// Applies the waiting edits; those that need a volume stay, and it is loaded.
-    async fn apply_patches(&mut self) -> Result<(), End> {
+    async fn apply_patches(&mut self, loaded: Option<Loaded>) -> Result<(), End> {
         self.next_patch = tokio::time::Instant::now() + PATCH_INTERVAL;
         let patches = std::mem::take(&mut self.patches);
         self.patch_bytes = 0;
         let (app, member, arrived) = (self.app.clone(), self.member.clone(), self.arrived);
         let applied = crate::blocking("editing a scene", move || {
-            let outcome = member.session.patch(&app, member.number, &patches, arrived);
+            let outcome = member.session.patch(&app, member.number, &patches, loaded.as_ref(), arrived);
             (outcome, patches)
         });
         let Ok((Patched { rejected, waiting }, mut patches)) = applied.await else {
@@ -261,32 +271,27 @@ impl Reader {
         }
         if let Some((key, count)) = waiting {
             self.patches = patches.split_off(patches.len().saturating_sub(count));
-            let volumes = self.app.volumes().clone();
-            let notes = self.notes.clone();
+            let (app, notes) = (self.app.clone(), self.notes.clone());
             let mut next_progress = Instant::now();
-            self.loading = Some(Box::pin(async move {
-                volumes
-                    .load(&key, move |fraction| {
-                        let now = Instant::now();
-                        if now >= next_progress {
-                            next_progress = now + PROGRESS_INTERVAL;
-                            // Progress is worth nothing later.
-                            drop(notes.try_send(progress(fraction.into())));
-                        }
-                    })
-                    .await
-            }));
+            let tell = move |fraction: f32| {
+                let now = Instant::now();
+                if now >= next_progress {
+                    next_progress = now + PROGRESS_INTERVAL;
+                    // Progress is worth nothing later.
+                    drop(notes.try_send(progress(fraction.into())));
+                }
+            };
+            self.loading = Some(Box::pin(async move { Loaded::load(&app, key, tell).await }));
         }
         Ok(())
     }
 
     /// The volume is there, and the edits that waited for it are applied; or it cannot be loaded,
     /// and they are refused.
-    async fn loaded(&mut self, loaded: Answer<Arc<PreparedVolume>>) -> Result<(), End> {
+    async fn loaded(&mut self, loaded: Answer<Loaded>) -> Result<(), End> {
         self.note(progress(1.0))?;
         match loaded {
-            // Held until the edits are applied, so that it stays in memory.
-            Ok(_volume) => self.apply_patches().await,
+            Ok(loaded) => self.apply_patches(Some(loaded)).await,
             Err(fault) => {
                 self.patch_bytes = 0;
                 for (seq, _) in std::mem::take(&mut self.patches) {

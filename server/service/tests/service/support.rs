@@ -1,7 +1,7 @@
 //! A service in a temporary directory, and clients for it.
 
 use std::sync::{Arc, LazyLock};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use axum::body::{Body, to_bytes};
 use axum::http::{HeaderMap, Method, Request, StatusCode, header};
@@ -24,6 +24,8 @@ use tower::ServiceExt;
 const MAX_BODY: usize = 64 << 20;
 /// Longest wait for something that must come; far beyond what it takes.
 pub const SOON: Duration = Duration::from_secs(60);
+/// Longest life of a viewer: a stream of events that never ends fails, too.
+const VIEWER_LIFE: Duration = Duration::from_secs(300);
 
 static GPU: LazyLock<Arc<Gpu>> =
     LazyLock::new(|| Gpu::open(AdapterPolicy::Any).expect("tests need a device"));
@@ -179,7 +181,7 @@ impl Listening {
     /// A connection on which nothing was said.
     pub async fn silent_viewer(&self, session: &str) -> Viewer {
         let (socket, _) = tokio_tungstenite::connect_async(self.view_url(session)).await.unwrap();
-        Viewer { socket, acknowledges: true }
+        Viewer { socket, acknowledges: true, since: Instant::now() }
     }
 }
 
@@ -188,6 +190,7 @@ pub struct Viewer {
     pub socket: WebSocketStream<MaybeTlsStream<TcpStream>>,
     /// Whether frames are acknowledged as they come.
     pub acknowledges: bool,
+    since: Instant,
 }
 
 /// What a viewer is sent.
@@ -268,6 +271,7 @@ impl Viewer {
     }
 
     pub async fn event(&mut self) -> Event {
+        assert!(self.since.elapsed() < VIEWER_LIFE, "what was waited for never came");
         self.event_within(SOON).await.expect("something should have come")
     }
 

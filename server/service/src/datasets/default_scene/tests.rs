@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use scene::{Orientation, Scene, Volume};
+use scene::{Orientation, Scene, Volume, Voxels};
 
 use super::*;
 
@@ -96,6 +96,19 @@ fn matter_that_fills_the_box_does_not_hide_everything() {
     }));
     assert_eq!(extinction(&scene, 25.0), 0.0);
     assert!(extinction(&scene, 350.0) > 20.0);
+}
+
+#[test]
+fn matter_below_its_surroundings_is_seen_too() {
+    // A simulation: constant surroundings of the highest value, structure below it.
+    let scene = checked(phantom(|radius, _| match radius {
+        r if r < 0.8 => 200.0 * r,
+        _ => 255.0,
+    }));
+    assert_eq!(extinction(&scene, 255.0), 0.0);
+    assert!(extinction(&scene, 10.0) >= 0.5 * DENSE_EXTINCTION);
+    let between = extinction(&scene, 85.0);
+    assert!(between > 0.0 && between < DENSE_EXTINCTION, "{between}");
 }
 
 #[test]

@@ -1,0 +1,109 @@
+//! A picture under way, and what travels with it.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use proto::frame::{FLAG_FINAL, FLAG_MOVING, FRAME_HEADER_BYTES, FRAME_MAGIC, FrameHeader};
+use proto::plan::{FrameReport, StageTime};
+use render::{Drawn, Picture};
+use scene::Snapshot;
+use scene::plan::Target;
+
+use super::Encoding;
+
+/// A picture under way.
+pub(super) struct Drawing {
+    pub kind: Kind,
+    pub snapshot: Arc<Snapshot>,
+    pub viewport: (u32, u32),
+    pub target: Target,
+    pub seq: u32,
+    pub arrived: Instant,
+    pub began: Instant,
+    pub spent: Duration,
+    /// The part of `spent` that grows with the pixels; loading and compiling are not counted.
+    pub casting: Duration,
+    /// What was done since the last frame.
+    pub report: Option<FrameReport>,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// Small enough to come in time; the JPEG quality.
+    Moving(u8),
+    /// At rest, on slow devices: reduced, because the full size will take long.
+    Preview,
+    /// At rest, at full size.
+    Still,
+}
+
+/// The header of a frame, as far as it is known before encoding.
+pub(super) fn header(
+    frame: u32,
+    drawing: &Drawing,
+    picture: &Picture,
+    encoding: Encoding,
+    samples_per_pixel: u32,
+) -> FrameHeader {
+    let epoch = drawing.snapshot.epoch;
+    let flags = match encoding {
+        Encoding::Moving(_) => FLAG_MOVING,
+        Encoding::Refining => 0,
+        Encoding::Lossless => FLAG_FINAL,
+    };
+    FrameHeader {
+        magic: FRAME_MAGIC,
+        header_bytes: FRAME_HEADER_BYTES as u16,
+        format: 0,
+        flags,
+        frame,
+        seq: drawing.seq,
+        snapshot_epoch: epoch,
+        illumination_epoch: epoch,
+        illumination_completeness: 1.0,
+        samples_per_pixel,
+        error_estimate: f32::NAN,
+        width: edge(picture.width),
+        height: edge(picture.height),
+        viewport_width: edge(drawing.viewport.0),
+        viewport_height: edge(drawing.viewport.1),
+        quality: 0,
+        queue_micros: micros(drawing.began.saturating_duration_since(drawing.arrived)),
+        render_micros: micros(drawing.spent),
+        encode_micros: 0,
+        payload_bytes: 0,
+    }
+}
+
+/// Time a slice spent casting rays.
+pub(super) fn casting_time(drawn: &Drawn) -> Duration {
+    let casting = drawn.stages.iter().filter(|stage| stage.stage == scene::plan::Pass::RayCast.name());
+    Duration::from_secs_f64(casting.map(|stage| stage.millis / 1e3).sum())
+}
+
+/// Adds a slice to the report of the frame it belongs to.
+pub(super) fn accumulate(report: &mut Option<FrameReport>, drawn: &Drawn) {
+    let slice = drawn.report();
+    let Some(report) = report else {
+        *report = Some(slice);
+        return;
+    };
+    for StageTime { stage, millis } in slice.stages {
+        match report.stages.iter_mut().find(|known| known.stage == stage) {
+            Some(known) => known.millis += millis,
+            None => report.stages.push(StageTime { stage, millis }),
+        }
+    }
+    for (name, count) in slice.counters {
+        *report.counters.entry(name).or_default() += count;
+    }
+    report.gpu_bytes = slice.gpu_bytes;
+}
+
+fn edge(pixels: u32) -> u16 {
+    u16::try_from(pixels).unwrap_or(u16::MAX)
+}
+
+fn micros(time: Duration) -> u32 {
+    u32::try_from(time.as_micros()).unwrap_or(u32::MAX)
+}
