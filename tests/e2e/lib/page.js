@@ -3,13 +3,16 @@
 import { until } from "./wait.js";
 
 /** Longest wait for a picture at rest, milliseconds; software devices are slow. */
-export const FINAL_MILLIS = 120_000;
+export const FINAL_MILLIS = 60_000;
 /** Longest wait for anything that needs no drawing, milliseconds. */
 export const SHORT_MILLIS = 10_000;
 
 /** Size of the page, CSS pixels: the smallest with both panels beside the picture. */
 const WIDTH = 900;
 const HEIGHT = 420;
+
+/** Moves of the mouse in one drag. Few, so that only the last one goes beyond the end of a range. */
+const DRAG_STEPS = 3;
 
 /** One visitor: a fresh browser context with one page. */
 export class Visitor {
@@ -19,6 +22,8 @@ export class Visitor {
   sent = 0;
   /** Pictures received. */
   frames = 0;
+  /** Reports received: what was done for each picture. */
+  reports = [];
 
   static async arrive(browser, origin, { hash = "", width = WIDTH, height = HEIGHT } = {}) {
     const context = await browser.newContext({ viewport: { width, height }, acceptDownloads: true });
@@ -42,7 +47,12 @@ export class Visitor {
         if (seq !== undefined) this.sent = seq;
       });
       socket.on("framereceived", ({ payload }) => {
-        if (typeof payload !== "string") this.frames += 1;
+        if (typeof payload !== "string") {
+          this.frames += 1;
+          return;
+        }
+        const { type, report } = JSON.parse(payload);
+        if (type === "report") this.reports.push(report);
       });
     });
   }
@@ -78,7 +88,7 @@ export class Visitor {
     }).then(({ text, ...rest }) => ({ ...rest, data: Buffer.from(text, "base64") }));
   }
 
-  /** The finished picture of everything done so far. */
+  /** The finished picture of everything done so far; the last thing done must be one that can be seen. */
   async picture() {
     await this.flushed();
     await until(`a final picture of input ${this.sent}`, FINAL_MILLIS, async () => {
@@ -89,13 +99,26 @@ export class Visitor {
   }
 
   /** Drags from one place of an element to another; places in its widths and heights. */
-  async drag(id, from, to, steps = 5) {
+  async drag(id, from, to) {
     await this.at(id).scrollIntoViewIfNeeded();
     const box = await this.at(id).boundingBox();
     const place = ([x, y]) => [box.x + x * box.width, box.y + y * box.height];
-    await this.page.mouse.move(...place(from));
+    await this.#dragBetween(place(from), place(to));
+  }
+
+  /** Drags a point or band of the transfer function down to opacity 0. */
+  async dragToZero(id) {
+    await this.at(id).scrollIntoViewIfNeeded();
+    const { x, y, width, height } = await this.at(id).boundingBox();
+    const { height: plot } = await this.at("tf-editor").boundingBox();
+    const [column, row] = [x + width / 2, y + height / 2];
+    await this.#dragBetween([column, row], [column, row + plot]);
+  }
+
+  async #dragBetween(from, to) {
+    await this.page.mouse.move(...from);
     await this.page.mouse.down();
-    await this.page.mouse.move(...place(to), { steps });
+    await this.page.mouse.move(...to, { steps: DRAG_STEPS });
     await this.page.mouse.up();
   }
 

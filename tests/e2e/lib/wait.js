@@ -1,6 +1,6 @@
 /** Waiting with a bound. */
 
-const POLL_MILLIS = 50;
+const POLL_MILLIS = 100;
 
 export const pause = (millis) => new Promise((done) => setTimeout(done, millis));
 

@@ -12,7 +12,7 @@ export function restartSteps() {
   step("restart: the page says that the service is away, and comes back by itself", async (arrive) => {
     const visitor = await arrive({ hash: await sessionOf(await theLetter()) });
     await visitor.drag("viewport", [0.4, 0.5], [0.55, 0.45]);
-    await visitor.drag("tf-band-4", [0.5, 0.5], [0.5, 2]);
+    await visitor.dragToZero("tf-band-4");
     const before = await visitor.picture();
     const photograph = async () => pictureFromPng(await visitor.page.screenshot({ clip: await visitor.at("viewport").boundingBox() }));
     const bright = meanLuma(await photograph());

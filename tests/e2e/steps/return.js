@@ -11,7 +11,7 @@ export function returnSteps() {
     const visitor = await arrive({ hash: await sessionOf(await theLetter()) });
     const start = await visitor.picture();
     await visitor.drag("viewport", [0.4, 0.5], [0.55, 0.45]);
-    await visitor.drag("tf-band-4", [0.5, 0.5], [0.5, 2]);
+    await visitor.dragToZero("tf-band-4");
     const edited = await visitor.picture();
     assert.ok(difference(start, edited).mean > 1, "the edits are seen");
     assert.equal(region(edited, isViolet).share, 0);
