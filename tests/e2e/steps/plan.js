@@ -13,8 +13,8 @@ const runs = (visitor, pass) => visitor.data(`plan-${pass}`, "runs");
 export function planSteps() {
   step("plan: exposure costs tone mapping alone, and nothing runs when nothing changed", async (arrive) => {
     const visitor = await arrive({ hash: await sessionOf(await theLetter()) });
-    await visitor.key("i");
     const start = await visitor.picture();
+    await visitor.key("i");
     assert.equal(await visitor.at("statistics").isVisible(), true);
 
     visitor.reports.length = 0;
