@@ -13,9 +13,11 @@ const runs = (visitor, pass) => visitor.data(`plan-${pass}`, "runs");
 export function planSteps() {
   step("plan: exposure costs tone mapping alone, and nothing runs when nothing changed", async (arrive) => {
     const visitor = await arrive({ hash: await sessionOf(await theLetter()) });
-    const start = await visitor.picture();
+    await visitor.picture();
     await visitor.key("i");
-    assert.equal(await visitor.at("statistics").isVisible(), true);
+    await visitor.at("statistics").waitFor();
+    // The statistics take room from the picture.
+    const start = await visitor.picture();
 
     visitor.reports.length = 0;
     const exposure = visitor.at("exposure");
