@@ -7,6 +7,7 @@ import { world } from "./lib/world.js";
 import { cameraSteps } from "./steps/camera.js";
 import { firstVisitSteps } from "./steps/first-visit.js";
 import { journeySteps } from "./steps/journey.js";
+import { layoutSteps } from "./steps/layout.js";
 import { lightSteps } from "./steps/lights.js";
 import { planSteps } from "./steps/plan.js";
 import { restartSteps } from "./steps/restart.js";
@@ -35,4 +36,5 @@ describe("the page in a real browser", () => {
   stillSteps();
   restartSteps();
   journeySteps();
+  layoutSteps();
 });
