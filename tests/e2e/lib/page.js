@@ -5,7 +5,7 @@ import { until } from "./wait.js";
 /** Longest wait for a picture at rest, milliseconds; software devices are slow. */
 export const FINAL_MILLIS = 60_000;
 /** Longest wait for anything that needs no drawing, milliseconds. */
-export const SHORT_MILLIS = 10_000;
+export const SHORT_MILLIS = 20_000;
 
 /** Size of the page, CSS pixels: the smallest with both panels beside the picture. */
 const WIDTH = 900;
@@ -130,7 +130,7 @@ export class Visitor {
   async opening(act) {
     const before = this.session();
     await act();
-    await until("another session", SHORT_MILLIS, () => this.session() !== before);
+    await until("another session", FINAL_MILLIS, () => this.session() !== before);
   }
 
   /** Identifier of the session in the address bar. */
