@@ -40,7 +40,12 @@ export class Server {
 
   static async start() {
     const server = new Server(await freePort(), await mkdtemp(join(tmpdir(), "tyndall-browser-test-")));
-    await server.start();
+    try {
+      await server.start();
+    } catch (error) {
+      await server.end();
+      throw error;
+    }
     return server;
   }
 
