@@ -1,12 +1,13 @@
 // Method `local`: classic shading. Single scattering of every light, nothing in between, and a
-// uniform ambient (methods.md section 7). Exact in vacuum and thin matter; no shadows.
+// uniform ambient (README.md). Exact in vacuum and thin matter; no shadows.
 
 // Scattered radiance towards w_o per unit of extinction: sigma_s * L_i / sigma_t. `gradient` is
 // that of s, world; where it vanishes the surface weight is 0.
 fn scattered_radiance(x: vec3f, w_o: vec3f, albedo: vec3f, material: Material, gradient: vec3f) -> vec3f {
     // A change of s by a millionth per voxel is rounding noise.
     let steepness = length(gradient);
-    let flat_field = steepness * frame.step_world < 1e-6;
+    let voxel = frame.size_world / frame.voxels;
+    let flat_field = steepness * min(voxel.x, min(voxel.y, voxel.z)) < 1e-6;
     let surface = select(material.surface, 0.0, flat_field);
     var n = gradient / max(steepness, 1e-20);
     n = select(n, -n, dot(n, w_o) < 0.0);

@@ -1,6 +1,7 @@
 // Surface reflection. n points to the viewer's side, w_i towards the light, w_o towards the eye;
 // light from behind contributes nothing. x: factor of the albedo (diffuse); y: achromatic
-// (specular). The cosine is not included. Mirrored in server/scene/src/scattering.rs.
+// (specular). The cosine is not included. Mirrored in server/scene/src/scattering.rs;
+// server/render/tests/scattering.rs compares the two.
 
 fn brdf(material: Material, n: vec3f, w_i: vec3f, w_o: vec3f) -> vec2f {
     let n_i = dot(n, w_i);

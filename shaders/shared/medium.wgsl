@@ -1,12 +1,12 @@
-// The scalar field and the transfer function (methods.md section 1): interpolate the data first,
+// The scalar field and the transfer function (../README.md): interpolate the data first,
 // then look up matter.
 
 // A column a point; rows: (sigma_t, s, 1 / width of the piece above it or 0, material index),
 // albedo, emission.
 @group(0) @binding(1) var tf_points: texture_2d<f32>;
 // A column a cell of TF_CELLS: extinction at its lower edge, slope in s, last point at or below
-// the edge, 1 if another point lies inside. Textures, because software devices read storage
-// buffers at divergent indices one lane at a time: thirty times slower, measured.
+// the edge, 1 if another point lies inside. Textures, because Mesa's software device reads storage
+// buffers at divergent indices one lane at a time.
 @group(0) @binding(2) var tf_cells: texture_2d<f32>;
 @group(0) @binding(3) var<uniform> materials: array<Material, MAX_MATERIALS>;
 @group(0) @binding(7) var volume: texture_3d<f32>;

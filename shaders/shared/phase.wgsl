@@ -1,6 +1,6 @@
 // Phase functions; each integrates to 1 over the sphere. cos_theta is between the directions of
 // travel before and after scattering, so positive asymmetry scatters forward. Mirrored in
-// server/scene/src/scattering.rs; a test compares the two.
+// server/scene/src/scattering.rs; server/render/tests/scattering.rs compares the two.
 
 const PI = 3.14159265358979;
 const INVERSE_4PI = 0.0795774715459477;

@@ -85,7 +85,7 @@ impl SceneOnDisk {
             return Ok(scene::builtin::build(builtin, dims, &|_| {}));
         }
         let Some(file) = &source.file else {
-            let refused = "volume.dataset: datasets live in a running service; name a `file` or a `builtin`";
+            let refused = "volume.dataset: datasets live in a running service; name the file instead, for example --set 'volume={\"file\": \"scan.nrrd\"}'";
             return Err(Refused(refused.into()).into());
         };
         let options = ReadOptions {

@@ -3,7 +3,6 @@
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
-use anyhow::Context;
 use service::Config;
 
 #[derive(clap::Args)]
@@ -53,7 +52,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
     let config = Config::load(arguments.config.as_deref(), std::env::vars(), &flags)
         .map_err(|error| crate::Refused(error.to_string()))?;
-    println!("Tyndall serves at http://{}/ (data in {})", config.listen, config.data.display());
+    println!("Tyndall starts at http://{}/ (data in {})", config.listen, config.data.display());
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
-    runtime.block_on(service::serve(config)).context("the service ended")
+    Ok(runtime.block_on(service::serve(config))?)
 }

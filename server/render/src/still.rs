@@ -18,7 +18,7 @@ pub struct EncodeError(#[from] image::ImageError);
 pub fn png(picture: &Picture) -> Result<Vec<u8>, EncodeError> {
     use image::codecs::png::{CompressionType, FilterType, PngEncoder};
     let mut bytes = Vec::new();
-    let encoder = PngEncoder::new_with_quality(&mut bytes, CompressionType::Default, FilterType::Adaptive);
+    let encoder = PngEncoder::new_with_quality(&mut bytes, CompressionType::Fast, FilterType::Adaptive);
     encoder.write_image(&picture.rgb(), picture.width, picture.height, ExtendedColorType::Rgb8)?;
     Ok(bytes)
 }

@@ -1,10 +1,8 @@
-//! From pixels to bytes. Everything here computes; call it where blocking is allowed.
-
-use std::io::Cursor;
+//! From pixels to frames (stills are `render::still`). Everything here computes; call it where blocking is allowed.
 
 use image::{ExtendedColorType, ImageEncoder};
 use proto::frame::{FRAME_HEADER_BYTES, FrameFormat};
-use render::{Picture, Radiance};
+use render::Picture;
 use turbojpeg::{Compressor, Image, PixelFormat, Subsamp};
 
 use crate::render_thread::{Encoding, FinishedFrame};
@@ -67,67 +65,12 @@ fn jpeg(picture: &Picture, quality: u8, subsampling: Subsamp) -> Result<Vec<u8>,
 fn webp(picture: &Picture) -> Result<Vec<u8>, EncodeError> {
     let mut bytes = Vec::new();
     image::codecs::webp::WebPEncoder::new_lossless(&mut bytes).write_image(
-        &rgb(picture),
+        &picture.rgb(),
         picture.width,
         picture.height,
         ExtendedColorType::Rgb8,
     )?;
     Ok(bytes)
-}
-
-/// PNG, 8-bit RGB.
-///
-/// # Errors
-/// The encoder's.
-pub fn png(picture: &Picture) -> Result<Vec<u8>, EncodeError> {
-    use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-    let mut bytes = Vec::new();
-    PngEncoder::new_with_quality(&mut bytes, CompressionType::Fast, FilterType::Adaptive).write_image(
-        &rgb(picture),
-        picture.width,
-        picture.height,
-        ExtendedColorType::Rgb8,
-    )?;
-    Ok(bytes)
-}
-
-/// OpenEXR, linear float32 RGB.
-///
-/// # Errors
-/// The encoder's.
-pub fn exr(radiance: &Radiance) -> Result<Vec<u8>, EncodeError> {
-    let mut bytes = Cursor::new(Vec::new());
-    // The encoder takes samples in the machine's byte order.
-    let samples: Vec<u8> = radiance.rgb.iter().flat_map(|value| value.to_ne_bytes()).collect();
-    image::codecs::openexr::OpenExrEncoder::new(&mut bytes).write_image(
-        &samples,
-        radiance.width,
-        radiance.height,
-        ExtendedColorType::Rgb32F,
-    )?;
-    Ok(bytes.into_inner())
-}
-
-/// NumPy's format, version 1.0: shape (height, width, 3), little-endian float32.
-pub fn npy(radiance: &Radiance) -> Vec<u8> {
-    /// The data begin at a multiple of this.
-    const ALIGNMENT: usize = 64;
-    /// Magic, version and length of the header.
-    const PREFIX_BYTES: usize = 10;
-    let (height, width) = (radiance.height, radiance.width);
-    let mut header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({height}, {width}, 3), }}");
-    let unpadded = PREFIX_BYTES + header.len() + 1;
-    header.push_str(&" ".repeat(unpadded.next_multiple_of(ALIGNMENT) - unpadded));
-    header.push('\n');
-    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
-    bytes.extend_from_slice(&(header.len() as u16).to_le_bytes());
-    bytes.extend_from_slice(header.as_bytes());
-    bytes.extend(radiance.rgb.iter().flat_map(|value| value.to_le_bytes()));
-    bytes
-}
-
-fn rgb(picture: &Picture) -> Vec<u8> {
-    picture.rgba.chunks_exact(RGBA_BYTES).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect()
 }
 
 #[cfg(test)]
@@ -183,11 +126,12 @@ mod tests {
 
     #[test]
     fn the_lossless_frame_and_png_are_exact_and_jpeg_is_not() {
-        let exact = rgb(&picture());
+        let exact = picture().rgb();
         let (header, pixels) = decoded(Encoding::Lossless);
         assert_eq!((header.format, header.quality), (FrameFormat::WebpLossless as u8, 0));
         assert_eq!(pixels, exact);
-        let png = image::load_from_memory(&png(&picture()).unwrap()).unwrap().to_rgb8().into_raw();
+        let png =
+            image::load_from_memory(&render::still::png(&picture()).unwrap()).unwrap().to_rgb8().into_raw();
         assert_eq!(png, exact);
         let (header, pixels) = decoded(Encoding::Moving(60));
         assert_eq!((header.format, header.quality), (FrameFormat::Jpeg as u8, 60));
@@ -205,27 +149,10 @@ mod tests {
             frame_of.picture = stripes.clone();
             let bytes = frame(&frame_of).unwrap();
             let image = image::load_from_memory(&bytes[FRAME_HEADER_BYTES..]).unwrap().to_rgb8();
-            let pairs = image.into_raw().into_iter().zip(rgb(&stripes));
+            let pairs = image.into_raw().into_iter().zip(stripes.rgb());
             pairs.map(|(a, b)| a.abs_diff(b)).max().unwrap()
         };
         assert!(worst(Encoding::Refining) < 25, "{}", worst(Encoding::Refining));
         assert!(worst(Encoding::Moving(85)) > 50);
-    }
-
-    #[test]
-    fn float_formats_hold_the_values() {
-        let rgb: Vec<f32> = (0..5 * 3 * 3).map(|i| i as f32 * 0.37 - 1.0).collect();
-        let radiance = Radiance { width: 5, height: 3, rgb: rgb.clone() };
-        let exr = exr(&radiance).unwrap();
-        let read = image::load_from_memory_with_format(&exr, image::ImageFormat::OpenExr).unwrap();
-        assert_eq!(read.to_rgb32f().into_raw(), rgb);
-        let npy = npy(&radiance);
-        let header_bytes = 10 + usize::from(u16::from_le_bytes([npy[8], npy[9]]));
-        assert_eq!(header_bytes % 64, 0);
-        let header = std::str::from_utf8(&npy[10..header_bytes]).unwrap();
-        assert!(header.contains("'shape': (3, 5, 3)") && header.ends_with('\n'), "{header}");
-        let values: Vec<f32> =
-            npy[header_bytes..].chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect();
-        assert_eq!(values, rgb);
     }
 }

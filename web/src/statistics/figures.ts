@@ -9,9 +9,11 @@ export function stateInWords(state: PictureState, frame: FrameHeader | null, sam
   return `refining ${refinedPercent(frame, samplesPerPixel)} %`;
 }
 
-/** Share of the samples a final picture has, whole percent; 100 only when it is final. */
-export const refinedPercent = (frame: FrameHeader, samplesPerPixel: number): number =>
-  Math.min(99, Math.floor((frame.samples_per_pixel / Math.max(1, samplesPerPixel)) * 100));
+/** Share of the samples a final picture has, whole percent; 100 only when it is final. A reduced picture has few pixels. */
+export function refinedPercent(frame: FrameHeader, samplesPerPixel: number): number {
+  const pixels = (frame.width * frame.height) / Math.max(1, frame.viewport_width * frame.viewport_height);
+  return Math.min(99, Math.floor((frame.samples_per_pixel / Math.max(1, samplesPerPixel)) * pixels * 100));
+}
 
 /** Share of the samples that empty space saved, 0..1; null where the report does not count them. */
 export function skippedShare(report: FrameReport | null): number | null {

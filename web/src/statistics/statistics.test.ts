@@ -3,13 +3,14 @@ import type { FrameHeader, FrameReport, Light } from "../generated/proto";
 import { shortcoming } from "../quality/methods";
 import { formatCount, skippedShare, stateInWords } from "./figures";
 
-const frame = { samples_per_pixel: 3 } as FrameHeader;
+const frame = { samples_per_pixel: 3, width: 640, height: 360, viewport_width: 640, viewport_height: 360 } as FrameHeader;
 const report = (counters: Record<string, number>): FrameReport => ({ changes: [], plan: [], stages: [], counters, gpu_bytes: {} });
 
 describe("the status line", () => {
   it("says how far the picture is", () => {
     expect(stateInWords("refining", frame, 8)).toBe("refining 37 %");
     expect(stateInWords("refining", { ...frame, samples_per_pixel: 8 }, 8)).toBe("refining 99 %");
+    expect(stateInWords("refining", { ...frame, width: 160, height: 90, samples_per_pixel: 1 }, 1)).toBe("refining 6 %");
     expect(stateInWords("final", frame, 8)).toBe("final");
     expect(stateInWords("loading", null, 8)).toBe("loading");
   });

@@ -39,19 +39,20 @@ export function movePoint(points: Points, index: number, s: number, opacity: num
     if (i !== index) return point;
     const low = points[index - 1]?.s ?? 0;
     const high = points[index + 1]?.s ?? 1;
-    const moved = { ...point, s: rounded(clamp(s, low, high)) };
+    // Clamped last: rounding could pass a neighbour that is not round.
+    const moved = { ...point, s: clamp(rounded(s), low, high) };
     return opacity === null ? moved : withOpacity(moved, opacity);
   });
 }
 
 /** Moves a point and its right neighbour together, by `ds` and `dHeight` of the opacity axis. */
 export function moveBand(points: Points, left: number, ds: number, dHeight: number, axis: OpacityAxis): TransferFunctionPoint[] {
-  const low = (points[left - 1]?.s ?? 0) - (points[left]?.s ?? 0);
-  const high = (points[left + 2]?.s ?? 1) - (points[left + 1]?.s ?? 1);
-  const step = clamp(ds, low, high);
+  const low = points[left - 1]?.s ?? 0;
+  const high = points[left + 2]?.s ?? 1;
+  const step = clamp(ds, low - (points[left]?.s ?? 0), high - (points[left + 1]?.s ?? 1));
   return points.map((point, i) => {
     if (i !== left && i !== left + 1) return point;
-    const moved = { ...point, s: rounded(clamp(point.s + step, 0, 1)) };
+    const moved = { ...point, s: clamp(rounded(point.s + step), low, high) };
     if (dHeight === 0) return moved;
     return withOpacity(moved, opacityAt(heightOf(opacityOf(point), axis) + dHeight, axis));
   });
@@ -64,7 +65,7 @@ export function addPoint(points: Points, s: number, opacity: number): { points: 
   const index = found === -1 ? points.length : found;
   const { albedo, emission, material } = matterAt(points, s);
   const round = (t: Triple): Triple => [rounded(t[0]), rounded(t[1]), rounded(t[2])];
-  const point: TransferFunctionPoint = { s: rounded(clamp(s, 0, 1)), opacity: rounded(opacity), albedo: round(albedo), emission: round(emission) };
+  const point: TransferFunctionPoint = { s: clamp(rounded(s), points[index - 1]?.s ?? 0, points[index]?.s ?? 1), opacity: rounded(opacity), albedo: round(albedo), emission: round(emission) };
   if (material !== undefined) point.material = material;
   return { points: [...points.slice(0, index), point, ...points.slice(index)], index };
 }

@@ -62,6 +62,16 @@ describe("points", () => {
     expect(moveBand(points, 0, -0.5, 0, "linear")[0]).toMatchObject({ s: 0, opacity: 0 });
   });
 
+  it("stay ascending beside places that are not round", () => {
+    const third = 1 / 3;
+    const steps = [point(0, 0), point(third, 0), point(third, 1), point(2 * third, 1), point(2 * third, 0), point(1, 0)];
+    const ascend = (moved: readonly TransferFunctionPoint[]) => moved.every((p, i) => i === 0 || p.s >= (moved[i - 1]?.s ?? 0));
+    expect(ascend(moveBand(steps, 2, 0, -0.5, "linear"))).toBe(true);
+    expect(ascend(movePoint(steps, 2, 0, 0.5))).toBe(true);
+    expect(ascend(movePoint(steps, 3, 1, 0.5))).toBe(true);
+    expect(ascend(addPoint(steps, third + 1e-9, 0.5).points)).toBe(true);
+  });
+
   it("are added with the matter found there", () => {
     const added = addPoint(points, 0.5, 0.33);
     expect(added.index).toBe(2);

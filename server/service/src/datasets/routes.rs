@@ -302,7 +302,7 @@ async fn draw_thumbnail(app: &Arc<App>, id: &str, path: std::path::PathBuf) -> A
         let Still::Picture(picture) = still else {
             return Err(Fault::internal("drawing a thumbnail", &"the wrong kind of picture"));
         };
-        let png = crate::encode::png(&picture).map_err(|e| Fault::internal("encoding a thumbnail", &e))?;
+        let png = render::still::png(&picture).map_err(|e| Fault::internal("encoding a thumbnail", &e))?;
         if let Err(error) = storage::write_atomically(&path, &png) {
             tracing::warn!(%error, "a thumbnail cannot be kept");
         }

@@ -115,7 +115,10 @@ fn section(text: &str, name: &str) -> Option<String> {
     let heading = format!("## {name}");
     let lines = text.lines().skip_while(|line| line.trim() != heading).skip(1);
     let section: Vec<&str> = lines.take_while(|line| !line.starts_with("## ")).collect();
-    Some(section.join("\n").trim().to_owned()).filter(|section| !section.is_empty())
+    // Quoted licence texts stay in the file; emphasis and list marks are for Markdown readers.
+    let plain = section.into_iter().filter(|line| !line.trim_start().starts_with('>'));
+    let plain: Vec<String> = plain.map(|line| line.trim_start_matches("- ").replace("**", "")).collect();
+    Some(plain.join("\n").trim().to_owned()).filter(|section| !section.is_empty())
 }
 
 /// A computed sample, described without computing it: a small probe tells the type and scale of
@@ -145,8 +148,14 @@ pub fn build(kind: Builtin, dims: [u32; 3], progress: &(dyn Fn(f32) + Sync)) -> 
     builtin::build(kind, dims.map(|edge| edge as usize), progress)
 }
 
-/// `vessel_tree` as `Vessel tree`.
+/// `vessel_tree` as `Vessel tree`; scans and names of people by hand.
 pub fn readable(name: &str) -> String {
+    match name {
+        "avm" => return "Head vessels (CT)".into(),
+        "stent" => return "Aortic stent (CT)".into(),
+        "marschner_lobb" => return "Marschner-Lobb".into(),
+        _ => {}
+    }
     let words = name.replace('_', " ");
     let mut letters = words.chars();
     letters.next().map(|first| first.to_uppercase().chain(letters).collect()).unwrap_or_default()

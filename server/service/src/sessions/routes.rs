@@ -246,10 +246,10 @@ pub async fn snapshot(
 fn encoded(still: &Still, format: StillFormat) -> Answer<(&'static str, Vec<u8>)> {
     let failed = |error| Fault::internal("encoding a still", &error);
     match (still, format) {
-        (Still::Picture(picture), _) => Ok(("image/png", crate::encode::png(picture).map_err(failed)?)),
+        (Still::Picture(picture), _) => Ok(("image/png", render::still::png(picture).map_err(failed)?)),
         (Still::Radiance(radiance), StillFormat::Npy) => {
-            Ok(("application/x-npy", crate::encode::npy(radiance)))
+            Ok(("application/x-npy", render::still::npy(radiance)))
         }
-        (Still::Radiance(radiance), _) => Ok(("image/x-exr", crate::encode::exr(radiance).map_err(failed)?)),
+        (Still::Radiance(radiance), _) => Ok(("image/x-exr", render::still::exr(radiance).map_err(failed)?)),
     }
 }

@@ -1,0 +1,40 @@
+/** The page in a real browser on a real service, judged by its pixels. */
+
+import { after, before, describe } from "node:test";
+import { startBrowser } from "./lib/browser.js";
+import { Server } from "./lib/server.js";
+import { world } from "./lib/world.js";
+import { cameraSteps } from "./steps/camera.js";
+import { firstVisitSteps } from "./steps/first-visit.js";
+import { journeySteps } from "./steps/journey.js";
+import { layoutSteps } from "./steps/layout.js";
+import { lightSteps } from "./steps/lights.js";
+import { planSteps } from "./steps/plan.js";
+import { restartSteps } from "./steps/restart.js";
+import { returnSteps } from "./steps/return.js";
+import { stillSteps } from "./steps/still.js";
+import { transferSteps } from "./steps/transfer-function.js";
+import { uploadSteps } from "./steps/uploads.js";
+
+describe("the page in a real browser", () => {
+  before(async () => {
+    world.server = await Server.start();
+    world.browser = await startBrowser();
+  });
+  after(async () => {
+    await world.browser?.close();
+    await world.server?.end();
+  });
+
+  firstVisitSteps();
+  uploadSteps();
+  cameraSteps();
+  transferSteps();
+  lightSteps();
+  planSteps();
+  returnSteps();
+  stillSteps();
+  restartSteps();
+  journeySteps();
+  layoutSteps();
+});
