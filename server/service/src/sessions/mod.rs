@@ -74,6 +74,9 @@ pub struct Patched {
     pub rejected: Vec<(u32, FieldError)>,
     /// The volume that the last so many patches wait for.
     pub waiting: Option<(Key, usize)>,
+    /// The new epoch, if any was accepted; to be [announced](Session::announce) after the
+    /// refusals, so that their author hears of those first.
+    pub epoch: Option<u32>,
 }
 
 impl State {
@@ -137,7 +140,8 @@ impl Session {
             Edit::Patch(patch) => edits::merged(&state.file, patch)?,
         };
         let checked = edits::check(app, state.current(), loaded, value)?;
-        self.commit(app, &mut state, checked, None);
+        let epoch = self.commit(app, &mut state, checked, None);
+        self.announce(epoch);
         Ok(())
     }
 
@@ -183,14 +187,14 @@ impl Session {
             viewer.waiting_from = waiting_from;
         }
         if let Some(checked) = accepted {
-            self.commit(app, &mut state, checked, Some((number, arrived)));
+            outcome.epoch = Some(self.commit(app, &mut state, checked, Some((number, arrived))));
         }
         outcome
     }
 
     /// Makes a checked scene the newest and shows it to every viewer; `author` is the viewer whose
-    /// input it comes from, and when that arrived.
-    fn commit(&self, app: &App, state: &mut State, checked: Checked, author: Option<(u32, Instant)>) {
+    /// input it comes from, and when that arrived. Returns the new epoch.
+    fn commit(&self, app: &App, state: &mut State, checked: Checked, author: Option<(u32, Instant)>) -> u32 {
         let Checked { file, key, scene } = checked;
         state.file = file;
         state.key = key;
@@ -206,7 +210,16 @@ impl Session {
                 input.arrived = arrived.unwrap_or_else(Instant::now);
             });
         }
-        self.epoch.send_replace(state.epoch);
+        state.epoch
+    }
+
+    /// Tells whoever waits that there is a new epoch.
+    pub fn announce(&self, epoch: u32) {
+        self.epoch.send_if_modified(|known| {
+            let newer = epoch > *known;
+            *known = epoch.max(*known);
+            newer
+        });
     }
 
     /// Moves a viewer's camera, and the session's with it; the others see nothing of it.

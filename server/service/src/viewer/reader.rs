@@ -263,12 +263,14 @@ impl Reader {
             let outcome = member.session.patch(&app, member.number, &patches, loaded.as_ref(), arrived);
             (outcome, patches)
         });
-        let Ok((Patched { rejected, waiting }, mut patches)) = applied.await else {
+        let Ok((Patched { rejected, waiting, epoch }, mut patches)) = applied.await else {
             return Err(End::Left);
         };
-        for (seq, error) in rejected {
-            self.reject(seq, error)?;
+        let told = rejected.into_iter().try_for_each(|(seq, error)| self.reject(seq, error));
+        if let Some(epoch) = epoch {
+            self.member.session.announce(epoch);
         }
+        told?;
         if let Some((key, count)) = waiting {
             self.patches = patches.split_off(patches.len().saturating_sub(count));
             let (app, notes) = (self.app.clone(), self.notes.clone());
