@@ -74,9 +74,25 @@ pub struct Patched {
     pub rejected: Vec<(u32, FieldError)>,
     /// The volume that the last so many patches wait for.
     pub waiting: Option<(Key, usize)>,
-    /// The new epoch, if any was accepted; to be [announced](Session::announce) after the
-    /// refusals, so that their author hears of those first.
-    pub epoch: Option<u32>,
+    /// The new epoch, if any was accepted; to be dropped after the refusals were sent, so that
+    /// their author hears of those first.
+    pub announcement: Option<Announcement>,
+}
+
+/// Tells whoever waits of a new epoch when it is dropped: also when its author is gone by then.
+pub struct Announcement {
+    session: Arc<Session>,
+    epoch: u32,
+}
+
+impl Drop for Announcement {
+    fn drop(&mut self) {
+        self.session.epoch.send_if_modified(|known| {
+            let newer = self.epoch > *known;
+            *known = self.epoch.max(*known);
+            newer
+        });
+    }
 }
 
 impl State {
@@ -133,15 +149,14 @@ impl Session {
         }
     }
 
-    fn try_edit(&self, app: &App, edit: &Edit, loaded: Option<&Loaded>) -> Result<(), Refusal> {
+    fn try_edit(self: &Arc<Self>, app: &App, edit: &Edit, loaded: Option<&Loaded>) -> Result<(), Refusal> {
         let mut state = self.state.lock();
         let value = match edit {
             Edit::Replace(value) => value.clone(),
             Edit::Patch(patch) => edits::merged(&state.file, patch)?,
         };
         let checked = edits::check(app, state.current(), loaded, value)?;
-        let epoch = self.commit(app, &mut state, checked, None);
-        self.announce(epoch);
+        drop(self.commit(app, &mut state, checked, None));
         Ok(())
     }
 
@@ -149,7 +164,7 @@ impl Session {
     /// does not depend on what arrived together; what is accepted is one edit of the scene.
     /// `loaded` is the volume that earlier patches waited for.
     pub fn patch(
-        &self,
+        self: &Arc<Self>,
         app: &App,
         number: u32,
         patches: &[(u32, Value)],
@@ -187,14 +202,20 @@ impl Session {
             viewer.waiting_from = waiting_from;
         }
         if let Some(checked) = accepted {
-            outcome.epoch = Some(self.commit(app, &mut state, checked, Some((number, arrived))));
+            outcome.announcement = Some(self.commit(app, &mut state, checked, Some((number, arrived))));
         }
         outcome
     }
 
     /// Makes a checked scene the newest and shows it to every viewer; `author` is the viewer whose
-    /// input it comes from, and when that arrived. Returns the new epoch.
-    fn commit(&self, app: &App, state: &mut State, checked: Checked, author: Option<(u32, Instant)>) -> u32 {
+    /// input it comes from, and when that arrived.
+    fn commit(
+        self: &Arc<Self>,
+        app: &App,
+        state: &mut State,
+        checked: Checked,
+        author: Option<(u32, Instant)>,
+    ) -> Announcement {
         let Checked { file, key, scene } = checked;
         state.file = file;
         state.key = key;
@@ -210,16 +231,7 @@ impl Session {
                 input.arrived = arrived.unwrap_or_else(Instant::now);
             });
         }
-        state.epoch
-    }
-
-    /// Tells whoever waits that there is a new epoch.
-    pub fn announce(&self, epoch: u32) {
-        self.epoch.send_if_modified(|known| {
-            let newer = epoch > *known;
-            *known = epoch.max(*known);
-            newer
-        });
+        Announcement { session: self.clone(), epoch: state.epoch }
     }
 
     /// Moves a viewer's camera, and the session's with it; the others see nothing of it.

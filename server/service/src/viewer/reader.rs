@@ -263,13 +263,11 @@ impl Reader {
             let outcome = member.session.patch(&app, member.number, &patches, loaded.as_ref(), arrived);
             (outcome, patches)
         });
-        let Ok((Patched { rejected, waiting, epoch }, mut patches)) = applied.await else {
+        let Ok((Patched { rejected, waiting, announcement }, mut patches)) = applied.await else {
             return Err(End::Left);
         };
         let told = rejected.into_iter().try_for_each(|(seq, error)| self.reject(seq, error));
-        if let Some(epoch) = epoch {
-            self.member.session.announce(epoch);
-        }
+        drop(announcement);
         told?;
         if let Some((key, count)) = waiting {
             self.patches = patches.split_off(patches.len().saturating_sub(count));
