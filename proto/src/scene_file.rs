@@ -813,11 +813,30 @@ pub struct Sampling {
     pub skip_empty: bool,
     /// A ray ends when less than this share of what lies behind it would be seen, 0..0.5.
     pub termination_transmittance: f64,
+    /// Who interpolates between voxels, for the linear filter.
+    pub interpolation: Interpolation,
+}
+
+/// How the linear filter's weights are computed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize, TS, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Interpolation {
+    /// By the device's texture sampler, with the precision it has (8 bits of weight are common).
+    #[default]
+    Sampler,
+    /// By the shader, in f32, from eight voxels.
+    Exact,
 }
 
 impl Default for Sampling {
     fn default() -> Self {
-        Self { step_voxels: 1.0, samples_per_pixel: 8, skip_empty: true, termination_transmittance: 1e-3 }
+        Self {
+            step_voxels: 1.0,
+            samples_per_pixel: 8,
+            skip_empty: true,
+            termination_transmittance: 1e-3,
+            interpolation: Interpolation::default(),
+        }
     }
 }
 

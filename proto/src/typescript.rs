@@ -58,6 +58,7 @@ pub fn typescript() -> String {
         scene_file::Illumination,
         scene_file::Method,
         scene_file::Sampling,
+        scene_file::Interpolation,
         scene_file::Film,
         scene_file::ToneMapping,
         scene_file::ImageSize,

@@ -1,15 +1,17 @@
 // Ray caster: L = T * background + integral of T * (sigma_s L_i + sigma_a L_e) dt.
 //
 // The chord of the ray through the volume's box is cut into equal steps; the lattice depends on
-// camera, volume and quality alone, never on the transfer function. One sample stands at the
-// middle of each step (second order); within a step matter is taken as constant, so homogeneous
-// matter is exact:  alpha = 1 - exp(-sigma_t * step).
-// Skipping drops only samples in macrocells whose bins hold no matter: their extinction is
+// camera, volume and quality alone, never on the transfer function. The field is read at the ends
+// of each step and taken as linear between them; where it crosses control points of the transfer
+// function the step is split, and within each part extinction is integrated exactly:
+// alpha = 1 - exp(-(sigma_a + sigma_b) / 2 * length). Steps of the transfer function, thin peaks
+// and homogeneous matter are therefore exact for a linear field; the error is of second order in
+// the step.
+// Skipping drops only steps within macrocells whose bins hold no matter: their extinction is
 // exactly zero and the image does not change by a bit.
 
 @group(0) @binding(5) var<storage, read_write> film: array<vec4f>;
-// Pairs of low and high words: samples taken, samples skipped, samples on the lattice, samples
-// with matter.
+// Pairs of low and high words: samples (steps) taken, skipped, on the lattice; parts with matter.
 @group(0) @binding(6) var<storage, read_write> counters: array<atomic<u32>>;
 @group(0) @binding(9) var distance_map: texture_3d<u32>;
 
@@ -18,9 +20,11 @@ override SHADED: bool = true;
 // Some matter emits.
 override EMISSIVE: bool = true;
 
-const MACROCELL_EDGE = 8.0;
+const MACROCELL_EDGE = 4.0;
 // A leap lands this far (world units) before the border it aims at: rounding in t.
 const LEAP_MARGIN_WORLD = 2e-6;
+// Keeps a quotient of extinctions finite.
+const SMALLEST_EXTINCTION = 1e-30;
 
 var<workgroup> group_counts: array<atomic<u32>, 4>;
 
@@ -62,67 +66,167 @@ fn add_to_counter(counter: u32, amount: u32) {
     }
 }
 
-fn integrate(ray: Ray, counts: ptr<function, vec4u>) -> vec3f {
-    let box = box_interval(ray, -0.5 * frame.size_world, 0.5 * frame.size_world);
-    let enter = max(box.x, 0.0);
-    let chord = box.y - enter;
+fn integrate(eye_ray: Ray, counts: ptr<function, vec4u>) -> vec3f {
+    let enter = max(box_interval(eye_ray, -0.5 * frame.size_world, 0.5 * frame.size_world).x, 0.0);
+    // From the box on, so that a distant eye costs no precision.
+    let ray = Ray(eye_ray.origin + enter * eye_ray.direction, eye_ray.direction);
+    let chord = box_interval(ray, -0.5 * frame.size_world, 0.5 * frame.size_world).y;
     if !(chord > 0.0) { return frame.background; }
     let steps = ceil(chord / frame.step_world);
-    let step = chord / steps;
-    let kept = clip_interval(ray, vec2f(enter, box.y));
+    let kept = clip_interval(ray, vec2f(0.0, chord));
     if !(kept.y > kept.x) { return frame.background; }
-
-    // Step k covers enter + (k - shift) * step and one step further, cut to what is kept.
-    let shift = frame.lattice_shift;
-    var k = max(floor((kept.x - enter) / step + shift), 0.0);
-    let last = min(ceil((kept.y - enter) / step + shift), steps + 1.0) - 1.0;
-    (*counts).z += u32(max(last - k + 1.0, 0.0));
+    let lattice = Lattice(chord / steps, frame.lattice_shift, kept);
+    var k = max(floor(index_at(lattice, kept.x)), 0.0);
+    let end = min(ceil(index_at(lattice, kept.y)), steps + 1.0);
+    (*counts).z += u32(max(end - k, 0.0));
 
     let w_o = -ray.direction;
-    // The first step whose macrocell has not been looked up yet.
-    var unknown = k;
     var transmittance = 1.0;
     var radiance = vec3f(0.0);
-    while k <= last {
-        let start = max(enter + (k - shift) * step, kept.x);
-        let end = min(enter + (k + 1.0 - shift) * step, kept.y);
-        let x = ray.origin + 0.5 * (start + end) * ray.direction;
-        let uvw = x / frame.size_world + 0.5;
-
-        if steering(frame.skip_empty) == 1u && k >= unknown {
-            let distance = cell_distance(uvw);
-            if distance > 0.0 {
-                let next = max(leap(ray, uvw, distance, enter, step, shift), k + 1.0);
-                (*counts).y += u32(min(next, last + 1.0) - k);
-                k = next;
-                unknown = k;
-                continue;
+    // The first lattice point whose macrocell has not been looked up yet.
+    var unknown = k;
+    // What is left of step k: from `near`, on the lattice or where the field crosses a control
+    // point, to `far`.
+    var near = FieldPoint();
+    var far = FieldPoint();
+    var near_is_known = false;
+    var within_step = false;
+    while k < end {
+        if !within_step {
+            let t = distance_at(lattice, k);
+            if steering(frame.skip_empty) == 1u && k >= unknown {
+                let uvw = uvw_at(ray, t);
+                let distance = cell_distance(uvw);
+                let leave = index_at(lattice, block_end(ray, uvw, max(distance, 1.0)));
+                if distance == 0.0 {
+                    // This cell holds matter: no look-up until the ray has left it.
+                    unknown = ceil(leave);
+                } else if floor(leave) > k {
+                    let next = min(floor(leave), end);
+                    (*counts).y += u32(next - k);
+                    k = next;
+                    near_is_known = false;
+                    continue;
+                }
             }
-            // This cell holds matter: no look-up until the ray has left it.
-            unknown = leap(ray, uvw, 1.0, enter, step, shift);
+            let next_t = distance_at(lattice, k + 1.0);
+            if FILTER == 2u {
+                // Not interpolated: one voxel's matter for the whole step.
+                far = field_at(ray, 0.5 * (t + next_t));
+                near = far;
+                near.t = t;
+                far.t = next_t;
+            } else {
+                if !near_is_known { near = field_at(ray, t); }
+                far = field_at(ray, next_t);
+            }
+            (*counts).x += 1u;
         }
 
-        (*counts).x += 1u;
-        k += 1.0;
-        let s = s_of_texel(texel_value(uvw));
-        let sigma_t = sigma_t_at(s);
-        if sigma_t <= 0.0 || end <= start { continue; }
-        (*counts).w += 1u;
-        let through = exp(-sigma_t * (end - start));
-        let place = place_of(s);
-        let albedo = albedo_at(place);
-        let material = materials[place.material];
-        var gradient = vec3f(0.0);
-        if SHADED {
-            if material.surface > 0.0 { gradient = gradient_at(uvw); }
+        let part = first_part(near, far);
+        let optical_depth = 0.5 * (part.sigma_t.x + part.sigma_t.y) * (part.end.t - near.t);
+        if optical_depth > 0.0 {
+            (*counts).w += 1u;
+            let through = exp(-optical_depth);
+            let weight = centre_of_light(part.sigma_t, optical_depth);
+            let x = ray.origin + mix(near.t, part.end.t, weight) * ray.direction;
+            let place = place_in(part.piece, mix(near.s, part.end.s, weight));
+            let albedo = albedo_at(place);
+            let material = materials[place.material];
+            var gradient = vec3f(0.0);
+            if SHADED {
+                if material.surface > 0.0 { gradient = gradient_at(x / frame.size_world + 0.5); }
+            }
+            var source = scattered_radiance(x, w_o, albedo, material, gradient);
+            if EMISSIVE { source += (1.0 - albedo) * emission_at(place); }
+            radiance += transmittance * (1.0 - through) * source;
+            transmittance *= through;
+            if transmittance < frame.termination { return radiance; }
         }
-        var source = scattered_radiance(x, w_o, albedo, material, gradient);
-        if EMISSIVE { source += (1.0 - albedo) * emission_at(place); }
-        radiance += transmittance * (1.0 - through) * source;
-        transmittance *= through;
-        if transmittance < frame.termination { return radiance; }
+        near = part.end;
+        near_is_known = true;
+        within_step = !part.ends_step;
+        if !within_step { k += 1.0; }
     }
     return radiance + transmittance * frame.background;
+}
+
+// Where along a part of given extinction at its ends and optical depth what is linear along it has
+// its mean, weighted by the light that reaches the eye from there (0: near end, 1: far end). In
+// thin matter the centre of extinction, in dense matter the skin.
+fn centre_of_light(sigma_t: vec2f, optical_depth: f32) -> f32 {
+    let near_share = sigma_t.x / max(sigma_t.x + sigma_t.y, SMALLEST_EXTINCTION);
+    // Mean optical depth, by the light from there, as a share of the whole.
+    let mean_depth = select(1.0 / optical_depth - 1.0 / (exp(optical_depth) - 1.0),
+        0.5 - optical_depth / 12.0, optical_depth < 0.05);
+    let thin = (2.0 - near_share) / 3.0 - share_at_depth(near_share, 0.5);
+    return share_at_depth(near_share, mean_depth) + 2.0 * mean_depth * thin;
+}
+
+// Share of the length after which a share of the optical depth is reached, for extinction that is
+// linear along it: the root of (1 - 2n) x^2 + 2n x = depth.
+fn share_at_depth(near_share: f32, depth: f32) -> f32 {
+    let root = sqrt(max(near_share * near_share + (1.0 - 2.0 * near_share) * depth, 0.0));
+    return depth / max(near_share + root, 1e-10);
+}
+
+// Points (k - shift) * step, k = 0, 1, ..., cut to what is kept of the ray; step k lies
+// between the points k and k + 1.
+struct Lattice {
+    step: f32,
+    shift: f32,
+    kept: vec2f,
+}
+
+fn distance_at(lattice: Lattice, k: f32) -> f32 {
+    return clamp((k - lattice.shift) * lattice.step, lattice.kept.x, lattice.kept.y);
+}
+
+fn index_at(lattice: Lattice, t: f32) -> f32 {
+    return t / lattice.step + lattice.shift;
+}
+
+fn uvw_at(ray: Ray, t: f32) -> vec3f {
+    return (ray.origin + t * ray.direction) / frame.size_world + 0.5;
+}
+
+struct FieldPoint {
+    t: f32,
+    s: f32,
+    extinction: TableEntry,
+}
+
+fn field_at(ray: Ray, t: f32) -> FieldPoint {
+    let s = s_of_texel(texel_value(uvw_at(ray, t)));
+    return FieldPoint(t, s, table_entry(s));
+}
+
+// The first part of a step on which s, taken as linear along the step, stays within one piece of
+// the transfer function: extinction, albedo and emission are linear there.
+struct Part {
+    end: FieldPoint,
+    ends_step: bool,
+    // Extinction at both ends, within the piece.
+    sigma_t: vec2f,
+    piece: i32,
+}
+
+fn first_part(near: FieldPoint, far: FieldPoint) -> Part {
+    if one_piece(near.extinction, far.extinction) {
+        return Part(far, true, vec2f(near.extinction.sigma_t, far.extinction.sigma_t), near.extinction.point);
+    }
+    let rising = far.s >= near.s;
+    let piece = piece_from(near.s, rising, near.extinction.point);
+    let border = select(piece_interval(piece).x, piece_interval(piece).y, rising);
+    let ends_step = select(far.s >= border, far.s <= border, rising);
+    var end = far;
+    if !ends_step {
+        end.s = border;
+        end.t = mix(near.t, far.t, (border - near.s) / (far.s - near.s));
+        // The entry is the far point's: no longer one piece with any, and the search starts there.
+        end.extinction = TableEntry(0.0, piece, true);
+    }
+    return Part(end, ends_step, vec2f(sigma_t_in(piece, near.s), sigma_t_in(piece, end.s)), piece);
 }
 
 // Cells to the nearest cell with matter, 0 in such a cell.
@@ -132,12 +236,11 @@ fn cell_distance(uvw: vec3f) -> f32 {
     return f32(textureLoad(distance_map, clamp(cell, vec3i(0), cells - 1), 0).x);
 }
 
-// First step whose middle lies beyond the block of cells closer than `distance`.
-fn leap(ray: Ray, uvw: vec3f, distance: f32, enter: f32, step: f32, shift: f32) -> f32 {
+// Distance at which the ray leaves the block of cells closer than `distance` to the cell at uvw.
+fn block_end(ray: Ray, uvw: vec3f, distance: f32) -> f32 {
     let cell = floor(uvw * frame.voxels / MACROCELL_EDGE);
     let world_from_cell = MACROCELL_EDGE * frame.size_world / frame.voxels;
     let low = (cell - (distance - 1.0)) * world_from_cell - 0.5 * frame.size_world;
     let high = (cell + distance) * world_from_cell - 0.5 * frame.size_world;
-    let leave = box_interval(ray, low, high).y - LEAP_MARGIN_WORLD;
-    return ceil((leave - enter) / step + shift - 0.5);
+    return box_interval(ray, low, high).y - LEAP_MARGIN_WORLD;
 }

@@ -73,31 +73,68 @@ fn s_of_texel(texel: f32) -> f32 {
     return clamp(frame.s_scale * texel + frame.s_offset, 0.0, 1.0);
 }
 
-// The cell of s and its column of the table.
-fn cell_of(s: f32) -> vec2f {
-    let cell = min(floor(s * TF_CELLS), TF_CELLS - 1.0);
-    return vec2f(cell, s - cell / TF_CELLS);
+// What the table knows of s.
+struct TableEntry {
+    // Extinction at s, per world unit; not meant if `split`.
+    sigma_t: f32,
+    // Last control point at or below the lower edge of the cell of s; -1 if there is none.
+    point: i32,
+    // Whether another control point lies within the cell.
+    split: bool,
 }
 
-// Extinction at s, per world unit. Most samples need nothing else. Exactly 0 where it is 0 at
-// both ends of a piece.
-fn sigma_t_at(s: f32) -> f32 {
-    let cell = cell_of(s);
-    let entry = textureLoad(tf_cells, vec2u(u32(cell.x), 0u), 0);
-    if entry.w == 0.0 { return max(entry.x + entry.y * cell.y, 0.0); }
-    let place = place_of(s);
+fn table_entry(s: f32) -> TableEntry {
+    let cell = min(floor(s * TF_CELLS), TF_CELLS - 1.0);
+    let entry = textureLoad(tf_cells, vec2u(u32(cell), 0u), 0);
+    let sigma_t = max(entry.x + entry.y * (s - cell / TF_CELLS), 0.0);
+    return TableEntry(sigma_t, i32(entry.z), entry.w != 0.0);
+}
+
+// Whether two values surely lie in the same piece of the transfer function.
+fn one_piece(a: TableEntry, b: TableEntry) -> bool {
+    return !a.split && !b.split && a.point == b.point;
+}
+
+// The piece in which a way from s to larger values begins (`rising`), or to smaller ones: the
+// index of its lower control point, -1 below the first. The search starts at `hint`.
+fn piece_from(s: f32, rising: bool, hint: i32) -> i32 {
+    let count = i32(steering(frame.point_count));
+    var piece = hint;
+    while piece + 1 < count && begins_below(piece + 1, s, rising) {
+        piece++;
+    }
+    while piece >= 0 && !begins_below(piece, s, rising) {
+        piece--;
+    }
+    return piece;
+}
+
+fn begins_below(point: i32, s: f32, or_at: bool) -> bool {
+    let lower = point_row(u32(point), 0u).y;
+    return lower < s || (or_at && lower == s);
+}
+
+// The values of s between which a piece lies; it ends nowhere beyond the outer points.
+fn piece_interval(piece: i32) -> vec2f {
+    let last = i32(steering(frame.point_count)) - 1;
+    let lower = point_row(u32(max(piece, 0)), 0u).y;
+    let upper = point_row(u32(min(piece + 1, last)), 0u).y;
+    return vec2f(select(lower, -1.0, piece < 0), select(upper, 2.0, piece >= last));
+}
+
+// Extinction at s by a piece; exactly 0 where it is 0 at both of its points.
+fn sigma_t_in(piece: i32, s: f32) -> f32 {
+    let place = place_in(piece, s);
     return mix(point_row(place.lower, 0u).x, point_row(place.upper, 0u).x, place.t);
 }
 
-// Where s lies: linear between points, constant beyond the ends, the later of two points at one s.
-fn place_of(s: f32) -> Place {
+// Where s lies in a piece: constant beyond the outer points.
+fn place_in(piece: i32, s: f32) -> Place {
     let last = steering(frame.point_count) - 1u;
-    var i = u32(textureLoad(tf_cells, vec2u(u32(cell_of(s).x), 0u), 0).z);
-    while i < last && point_row(i + 1u, 0u).y <= s {
-        i++;
-    }
-    let row = point_row(i, 0u);
-    return Place(i, min(i + 1u, last), clamp((s - row.y) * row.z, 0.0, 1.0), u32(row.w));
+    let lower = u32(max(piece, 0));
+    let upper = select(min(lower + 1u, last), 0u, piece < 0);
+    let row = point_row(lower, 0u);
+    return Place(lower, upper, clamp((s - row.y) * row.z, 0.0, 1.0), u32(row.w));
 }
 
 fn point_row(point: u32, row: u32) -> vec4f {

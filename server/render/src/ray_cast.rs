@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use proto::scene_file::Filter;
+use proto::scene_file::{Filter, Interpolation};
 use scene::Scene;
 
 use crate::gpu::Gpu;
@@ -30,10 +30,11 @@ impl Variant {
     pub fn of(scene: &Scene, texture: &VolumeTexture) -> Self {
         let points = &scene.transfer_function.points;
         let in_use = |point: &scene::transfer_function::Point| scene.materials[point.material].surface > 0.0;
+        let hardware = scene.sampling.interpolation == Interpolation::Sampler;
         Self {
             filter: match scene.filter {
                 Filter::Nearest => 2,
-                Filter::Linear if texture.filterable => 0,
+                Filter::Linear if texture.filterable && hardware => 0,
                 Filter::Linear => 1,
             },
             shaded: !scene.lights.is_empty() && points.iter().any(in_use),

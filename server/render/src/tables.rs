@@ -56,7 +56,7 @@ pub fn transfer_function_cells(scene: &Scene) -> Vec<[f32; 4]> {
                     (Some(a), Some(b)) if b.s > a.s => (b.sigma_t - a.sigma_t) / (b.s - a.s),
                     _ => 0.0,
                 };
-            [lower as f32, slope as f32, below.max(1) as f32 - 1.0, f32::from(u8::from(inside > below))]
+            [lower as f32, slope as f32, below as f32 - 1.0, f32::from(u8::from(inside > below))]
         })
         .collect()
 }

@@ -66,7 +66,8 @@ impl Changes {
             orders: old.orders != new.orders,
             method: old.method != new.method,
             ray_sampling: a.step_voxels != b.step_voxels
-                || a.termination_transmittance != b.termination_transmittance,
+                || a.termination_transmittance != b.termination_transmittance
+                || a.interpolation != b.interpolation,
             film: old.film != new.film,
         }
     }

@@ -18,29 +18,38 @@ pub fn distance_map(dims: [usize; 3], masks: &[u64], bins_with_matter: u64) -> V
     distance
 }
 
-fn sweep(distance: &mut [u8], dims: [usize; 3], backward: bool) {
-    let [nx, ny, nz] = dims.map(|n| n as isize);
-    let index = |x: isize, y: isize, z: isize| ((z * ny + y) * nx + x) as usize;
-    let count = (nx * ny * nz) as usize;
-    let before: Vec<[isize; 3]> = (0..27)
-        .map(|i| [i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1])
-        .filter(|&[x, y, z]| z * 9 + y * 3 + x < 0)
-        .collect();
-    let sign = if backward { -1 } else { 1 };
-    for step in 0..count {
-        let at = if backward { count - 1 - step } else { step };
-        if distance[at] == 0 {
-            continue;
-        }
-        let (x, y, z) = (at as isize % nx, at as isize / nx % ny, at as isize / (nx * ny));
-        let mut nearest = distance[at];
-        for &[dx, dy, dz] in &before {
-            let (x, y, z) = (x + sign * dx, y + sign * dy, z + sign * dz);
-            if (0..nx).contains(&x) && (0..ny).contains(&y) && (0..nz).contains(&z) {
-                nearest = nearest.min(distance[index(x, y, z)].saturating_add(1));
+/// One pass: every cell against the 13 neighbours before it in the order of the sweep. Row by row,
+/// so that the compiler can take many cells at a time.
+fn sweep(distance: &mut [u8], [nx, ny, nz]: [usize; 3], backward: bool) {
+    // Of the rows before this one, the smallest distance at each x; one cell wider on both sides.
+    let mut nearest = vec![MAX_DISTANCE; nx + 2];
+    for step in 0..ny * nz {
+        let row = if backward { ny * nz - 1 - step } else { step };
+        let (y, z) = (row % ny, row / ny);
+        nearest.fill(MAX_DISTANCE);
+        for (dy, dz) in [(-1, -1), (0, -1), (1, -1), (-1, 0)] {
+            let (dy, dz) = if backward { (-dy, -dz) } else { (dy, dz) };
+            let (Some(y), Some(z)) = (y.checked_add_signed(dy), z.checked_add_signed(dz)) else { continue };
+            if y < ny && z < nz {
+                let before = &distance[(z * ny + y) * nx..][..nx];
+                nearest[1..].iter_mut().zip(before).for_each(|(near, &d)| *near = d.min(*near));
             }
         }
-        distance[at] = nearest;
+        let cells = &mut distance[row * nx..][..nx];
+        for (x, cell) in cells.iter_mut().enumerate() {
+            let around = nearest[x].min(nearest[x + 1]).min(nearest[x + 2]);
+            *cell = around.saturating_add(1).min(*cell);
+        }
+        let mut previous = MAX_DISTANCE;
+        let mut along = |cell: &mut u8| {
+            *cell = previous.saturating_add(1).min(*cell);
+            previous = *cell;
+        };
+        if backward {
+            cells.iter_mut().rev().for_each(&mut along)
+        } else {
+            cells.iter_mut().for_each(&mut along)
+        }
     }
 }
 

@@ -1,10 +1,10 @@
-//! Macrocells: for each block of 8^3 voxels, the exact set of bins its samples can touch.
+//! Macrocells: for each block of 4^3 voxels, the exact set of bins its samples can touch.
 //!
-//! Cell (i, j, k) covers voxel coordinates `8i .. 8i + 8`; trilinear samples in it read voxels
-//! `8i - 1 ..= 8i + 8`. The field is continuous and the cell connected, so its values fill the
+//! Cell (i, j, k) covers voxel coordinates `4i .. 4i + 4`; trilinear samples in it read voxels
+//! `4i - 1 ..= 4i + 4`. The field is continuous and the cell connected, so its values fill the
 //! whole interval between the smallest and the largest of those voxels' values (mean value
 //! theorem), and the bin set of an interval is contiguous. For nearest filtering the samples take
-//! exactly the values of voxels `8i .. 8i + 8`.
+//! exactly the values of voxels `4i .. 4i + 4`.
 
 use proto::scene_file::Filter;
 use rayon::prelude::*;
@@ -13,7 +13,7 @@ use crate::bins::Bins;
 use crate::volume::{Volume, Voxels};
 
 /// Edge of a macrocell, voxels.
-pub const MACROCELL_EDGE: usize = 8;
+pub const MACROCELL_EDGE: usize = 4;
 
 /// Bin masks of a volume's macrocells, x fastest.
 #[derive(Debug, Clone, PartialEq)]
@@ -150,7 +150,7 @@ mod tests {
         let volume = Volume::new(dims, Voxels::U8(voxels));
         let bins = Bins::of(&volume, [0.0, 85.0]);
         let cells = Macrocells::of(&volume, &bins, &|_| {});
-        assert_eq!(cells.dims, [3, 2, 4]);
+        assert_eq!(cells.dims, [5, 3, 7]);
         for i in 0..20_000 {
             let u =
                 |k: u32| f64::from((i * 2 + 1) as u32 ^ 0x9e37).mul_add(0.618 * f64::from(k), 0.3).fract();

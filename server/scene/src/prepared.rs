@@ -20,7 +20,7 @@ pub struct PreparedVolume {
     pub range: [f64; 2],
     /// Scalar bins.
     pub bins: Bins,
-    /// Bin masks of 8^3 blocks.
+    /// Bin masks of 4^3 blocks.
     pub macrocells: Macrocells,
     /// Voxels per bucket; [`HISTOGRAM_BUCKETS`] buckets of equal width over `range`.
     pub histogram: Vec<u64>,

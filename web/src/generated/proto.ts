@@ -474,7 +474,13 @@ skip_empty: boolean,
 /**
  * A ray ends when less than this share of what lies behind it would be seen, 0..0.5.
  */
-termination_transmittance: number, };
+termination_transmittance: number, 
+/**
+ * Who interpolates between voxels, for the linear filter.
+ */
+interpolation: Interpolation, };
+
+export type Interpolation = "sampler" | "exact";
 
 export type Film = { 
 /**

@@ -1,0 +1,113 @@
+//! How well a ray is integrated: what is exact, and how fast the rest converges with the step.
+
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod common;
+
+use std::sync::Arc;
+
+use common::{json_merge, prepared, radiance, snapshot, target};
+use scene::{PreparedVolume, Volume, Voxels};
+use serde_json::{Value, json};
+
+/// Voxels along the ramp.
+const DEPTH: usize = 64;
+/// World length over which the ramp's s grows by one: values grow by 4 of 255 a voxel.
+const WORLD_PER_S: f64 = 255.0 / 4.0 / DEPTH as f64;
+
+/// Values that grow linearly towards the eye; seen along the ramp.
+fn ramp() -> Arc<PreparedVolume> {
+    let voxels = (0..4 * 4 * DEPTH).map(|i| (i / 16 * 4) as u8).collect();
+    prepared(Volume::new([4, 4, DEPTH], Voxels::U8(voxels)))
+}
+
+fn along_the_ramp(points: Value, step_voxels: f64, interpolation: &str) -> Value {
+    json!({
+        "value_range": [0, 255],
+        "transfer_function": {"points": points},
+        "background": [1, 1, 1],
+        "camera": {"position": [0, 0, 2], "target": [0, 0, 0], "up": [0, 1, 0], "orthographic_height": 0.03},
+        "sampling": {"step_voxels": step_voxels, "termination_transmittance": 0, "interpolation": interpolation}
+    })
+}
+
+fn centre(patch: Value) -> [f64; 3] {
+    let image = radiance(&snapshot(&ramp(), patch, 1), target(8, 8, 1));
+    std::array::from_fn(|channel| f64::from(image.rgb[3 * (4 * 8 + 4) + channel]))
+}
+
+fn black(s: f64, extinction: f64) -> Value {
+    json!({"s": s, "extinction": extinction, "albedo": [0, 0, 0]})
+}
+
+#[test]
+fn steps_and_peaks_of_the_transfer_function_are_exact_on_a_linear_field() {
+    // A step up and down between 0.3 and 0.4, and a peak 0.01 wide: 0.16 voxels.
+    let (height, peak) = (4.0, 200.0);
+    let points = json!([
+        black(0.0, 0.0),
+        black(0.3, 0.0),
+        black(0.3, height),
+        black(0.4, height),
+        black(0.4, 0.0),
+        black(0.6, 0.0),
+        black(0.605, peak),
+        black(0.61, 0.0)
+    ]);
+    let optical_depth = WORLD_PER_S * (0.1 * height + 0.5 * 0.01 * peak);
+    for step_voxels in [0.25, 1.0, 1.7, 3.0, 8.0] {
+        let [got, ..] = centre(along_the_ramp(points.clone(), step_voxels, "exact"));
+        let expected = (-optical_depth).exp();
+        assert!((got - expected).abs() < 2e-5, "step {step_voxels}: {got}, not {expected}");
+        // The sampler's weights are coarser, but the same light must come through.
+        let [sampled, ..] = centre(along_the_ramp(points.clone(), step_voxels, "sampler"));
+        assert!((sampled - expected).abs() < 2e-2, "step {step_voxels}: {sampled}, not {expected}");
+    }
+}
+
+#[test]
+fn layers_within_one_step_hide_each_other_in_the_right_order() {
+    // Both 0.02 of s thick and of optical depth 1; the bright ends of s lie towards the eye.
+    let sigma_t = 1.0 / (0.02 * WORLD_PER_S);
+    let layer = |from: f64, emission: [f64; 3]| {
+        let point = |s: f64, sigma_t: f64| json!({"s": s, "extinction": sigma_t, "albedo": [0, 0, 0], "emission": emission});
+        [point(from, 0.0), point(from, sigma_t), point(from + 0.02, sigma_t), point(from + 0.02, 0.0)]
+    };
+    let blue_behind = layer(0.50, [0.0, 0.0, 1.0]);
+    let red_in_front = layer(0.53, [1.0, 0.0, 0.0]);
+    let points: Vec<Value> = blue_behind.into_iter().chain(red_in_front).collect();
+    for step_voxels in [0.5, 2.0, 8.0] {
+        let mut patch = along_the_ramp(json!(points), step_voxels, "exact");
+        json_merge(&mut patch, json!({"background": [0, 0, 0]}));
+        let [red, green, blue] = centre(patch);
+        let hidden = (-1.0f64).exp();
+        assert!((red - (1.0 - hidden)).abs() < 2e-4, "step {step_voxels}: red {red}");
+        assert!(green == 0.0, "step {step_voxels}: green {green}");
+        assert!((blue - (1.0 - hidden) * hidden).abs() < 2e-4, "step {step_voxels}: blue {blue}");
+    }
+}
+
+#[test]
+fn the_error_is_of_second_order_in_the_step() {
+    let volume = prepared(scene::builtin::build(proto::scene_file::Builtin::Buckyball, [64; 3], &|_| {}));
+    let image = |step_voxels: f64| {
+        let patch = json!({
+            "transfer_function": {"points": [
+                {"s": 0.1, "extinction": 0}, {"s": 0.6, "extinction": 12, "albedo": [0.9, 0.5, 0.2]}, {"s": 1, "extinction": 40}
+            ]},
+            "lights": [{"type": "environment", "radiance": [1, 1, 1]}],
+            "sampling": {"step_voxels": step_voxels, "termination_transmittance": 0}
+        });
+        radiance(&snapshot(&volume, patch, 1), target(64, 64, 1)).rgb
+    };
+    let fine = image(0.0625);
+    let error = |rgb: &[f32]| {
+        let squared = rgb.iter().zip(&fine).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>();
+        (squared / fine.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>()).sqrt()
+    };
+    let errors = [0.25, 0.5, 1.0, 2.0].map(|step| error(&image(step)));
+    eprintln!("relative error at steps of 0.25, 0.5, 1 and 2 voxels: {errors:?}");
+    // Halving divides the error by four; a first-order method would divide it by two.
+    assert!(errors[1] > 3.0 * errors[0] && errors[2] > 3.0 * errors[1], "{errors:?}");
+    assert!(errors[1] < 0.015, "{errors:?}");
+}
