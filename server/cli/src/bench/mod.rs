@@ -2,6 +2,7 @@
 
 mod report;
 mod skip;
+mod steps;
 mod stream;
 
 use std::path::PathBuf;
@@ -15,6 +16,8 @@ use crate::Refused;
 enum Suite {
     /// Samples and time with and without empty-space skipping.
     Skip,
+    /// Error against the step length, for smooth and sharp transfer functions.
+    Steps,
     /// Frames per second, latency and bytes of a streamed session.
     Stream,
 }
@@ -37,6 +40,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let wanted = |suite| arguments.suite.is_none_or(|chosen| chosen == suite);
     if wanted(Suite::Skip) {
         skip::run(&scenes, &arguments.out)?;
+    }
+    if wanted(Suite::Steps) {
+        steps::run(&scenes, &arguments.out)?;
     }
     if wanted(Suite::Stream) {
         stream::run(&arguments.out)?;

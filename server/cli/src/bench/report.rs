@@ -1,4 +1,4 @@
-//! Tables on disk: CSV and JSON beside a bar chart.
+//! Tables on disk: CSV and JSON beside a chart.
 
 use std::path::Path;
 
@@ -58,6 +58,50 @@ pub fn bar_chart(path: &Path, title: &str, bars: &[(String, f64)]) -> anyhow::Re
         root.draw(&Text::new(label.clone(), (10, top + 5), ("sans-serif", 13)))?;
         root.draw(&Text::new(format!("{value:.2}"), (left + length + 6, top + 5), ("sans-serif", 13)))?;
     }
+    root.present()?;
+    Ok(())
+}
+
+/// A named curve.
+pub struct Line {
+    pub label: String,
+    /// Positive on both axes.
+    pub points: Vec<(f64, f64)>,
+}
+
+/// Curves over two logarithmic axes, as SVG.
+pub fn line_chart(path: &Path, title: &str, x: &str, y: &str, lines: &[Line]) -> anyhow::Result<()> {
+    const SIZE: (u32, u32) = (960, 640);
+    let points = || lines.iter().flat_map(|line| &line.points).filter(|point| point.0 > 0.0 && point.1 > 0.0);
+    let range = |values: &mut dyn Iterator<Item = f64>| {
+        let (low, high) = values.fold((f64::MAX, f64::MIN_POSITIVE), |(a, b), v| (a.min(v), b.max(v)));
+        (low.min(high) * 0.8, high * 1.25)
+    };
+    let (left, right) = range(&mut points().map(|point| point.0));
+    let (bottom, top) = range(&mut points().map(|point| point.1));
+    let root = SVGBackend::new(path, SIZE).into_drawing_area();
+    root.fill(&WHITE)?;
+    let mut chart = ChartBuilder::on(&root)
+        .caption(title, ("sans-serif", 18))
+        .margin(12)
+        .x_label_area_size(40)
+        .y_label_area_size(60)
+        .build_cartesian_2d((left..right).log_scale(), (bottom..top).log_scale())?;
+    chart.configure_mesh().x_desc(x).y_desc(y).draw()?;
+    for (index, line) in lines.iter().enumerate() {
+        let color = Palette99::pick(index).to_rgba();
+        let points = line.points.iter().copied().filter(|point| point.1 > 0.0);
+        let drawn = chart.draw_series(LineSeries::new(points, color.stroke_width(2)).point_size(3))?;
+        drawn
+            .label(&line.label)
+            .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], color.stroke_width(2)));
+    }
+    chart
+        .configure_series_labels()
+        .position(SeriesLabelPosition::LowerRight)
+        .background_style(WHITE.mix(0.85))
+        .border_style(BLACK.mix(0.3))
+        .draw()?;
     root.present()?;
     Ok(())
 }
