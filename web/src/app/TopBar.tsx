@@ -8,19 +8,20 @@ import { useSession } from "../session/store";
 import { FieldNote, IconButton } from "./controls";
 import { copyShareLink, saveScene } from "./files";
 import { sayError } from "./say";
-import { useUi } from "./uiStore";
+import { isOpen, useUi } from "./uiStore";
 
 export function TopBar() {
   const canUndo = useSession((state) => state.canUndo);
   const canRedo = useSession((state) => state.canRedo);
   const hasScene = useSession((state) => state.scene !== null);
-  const left = useUi((ui) => ui.leftOpen);
-  const right = useUi((ui) => ui.rightOpen);
+  const left = useUi((ui) => isOpen(ui, "left"));
+  const right = useUi((ui) => isOpen(ui, "right"));
+  const toggle = useUi((ui) => ui.togglePanel);
   const { colorScheme, setColorScheme } = useMantineColorScheme({ keepTransitions: true });
   const dark = colorScheme !== "light";
   return (
     <header className="top-bar" data-testid="top-bar">
-      <IconButton icon="panelLeft" label="Datasets" hotkey="[" active={left} onClick={() => useUi.setState({ leftOpen: !left })} testId="toggle-left" />
+      <IconButton icon="panelLeft" label="Datasets" hotkey="[" active={left} onClick={() => toggle("left")} testId="toggle-left" />
       <span className="wordmark">Tyndall</span>
       <DatasetSelect />
       <MethodSelect />
@@ -36,7 +37,7 @@ export function TopBar() {
       <span className="top-rule" />
       <IconButton icon={dark ? "sun" : "moon"} label={dark ? "Light theme, for projectors and print" : "Dark theme"} onClick={() => setColorScheme(dark ? "light" : "dark")} testId="toggle-theme" />
       <IconButton icon="help" label="Keys and gestures" hotkey="?" onClick={() => useUi.setState({ helpOpen: true })} testId="help" />
-      <IconButton icon="panelRight" label="Transfer function and lights" hotkey="]" active={right} onClick={() => useUi.setState({ rightOpen: !right })} testId="toggle-right" />
+      <IconButton icon="panelRight" label="Transfer function and lights" hotkey="]" active={right} onClick={() => toggle("right")} testId="toggle-right" />
     </header>
   );
 }
@@ -47,7 +48,7 @@ const sceneInput = { "data-testid": "scene-input" } as object;
 /** Opens a dataset; says here what would be said at its card if the panel were open. */
 async function choose(id: string): Promise<void> {
   const problem = id === "" ? null : await explore(id);
-  if (problem !== null && !useUi.getState().leftOpen) sayError(new Error(problem));
+  if (problem !== null && !isOpen(useUi.getState(), "left")) sayError(new Error(problem));
 }
 
 function DatasetSelect() {

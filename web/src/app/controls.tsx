@@ -4,8 +4,9 @@ import { ColorPicker, NumberInput, Popover, Slider, Tooltip, ActionIcon } from "
 import { useEffect, useId, useRef, useState, type ReactNode } from "react";
 import { hexFromLinear, linearFromHex } from "../scene/colour";
 import { rounded, type Triple } from "../scene/vec";
-import { rootOf, session } from "../session/engine";
+import { session } from "../session/engine";
 import { useSession } from "../session/store";
+import { rootOf } from "../session/words";
 import { Icon, type IconName } from "./Icon";
 import { useUi, type SectionId } from "./uiStore";
 

@@ -15,8 +15,8 @@ interface Binding {
   run: (key: string) => void;
 }
 
-const flipLeft = (): void => void useUi.setState((ui) => ({ leftOpen: !ui.leftOpen }));
-const flipRight = (): void => void useUi.setState((ui) => ({ rightOpen: !ui.rightOpen }));
+const flipLeft = (): void => useUi.getState().togglePanel("left");
+const flipRight = (): void => useUi.getState().togglePanel("right");
 
 export const bindings: readonly Binding[] = [
   { keys: ["ArrowLeft"], shown: "←", does: "Turn left", run: () => turn(-1, 0) },

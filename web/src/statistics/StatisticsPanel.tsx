@@ -4,31 +4,33 @@ import { IconButton } from "../app/controls";
 import { useUi } from "../app/uiStore";
 import { formatBytes } from "../datasets/format";
 import type { FrameHeader, FrameReport } from "../generated/proto";
-import { useSession } from "../session/store";
-import { formatCount, words } from "./figures";
+import { pictureState, useSession } from "../session/store";
+import { formatCount, headline, passesRun, stateInWords, words } from "./figures";
 
 export function StatisticsPanel() {
   const report = useSession((state) => state.report);
+  const change = useSession((state) => state.changeReport);
   const frame = useSession((state) => state.frame);
   return (
     <aside className="statistics" data-testid="statistics">
       <header>
         <h2>Statistics</h2>
-        <span className="dim">{report && report.changes.length > 0 ? `Changed: ${report.changes.join(", ")}` : "Nothing changed since the picture before"}</span>
+        <span className="dim" data-testid="statistics-headline">{headline(change, report)}</span>
         <IconButton icon="close" label="Close" hotkey="I" testId="statistics-close" onClick={() => useUi.setState({ statisticsOpen: false })} />
       </header>
       <div className="statistics-columns">
         <section>
-          <h3>Plan</h3>
-          {report ? <Plan report={report} /> : <p className="hint">The first report comes with the next picture.</p>}
+          <h3>{change ? "What the last change made run" : "What ran for the first picture"}</h3>
+          {report ? <Plan report={change ?? report} /> : <p className="hint">The first report comes with the next picture.</p>}
+          {report && change && report !== change && <SinceThen report={report} />}
         </section>
         <section>
-          <h3>Time</h3>
+          <h3>Time of the newest picture</h3>
           {report && <Stages report={report} />}
           {frame && <FrameFigures frame={frame} />}
         </section>
         <section>
-          <h3>Work</h3>
+          <h3>Its work</h3>
           {report && <Table rows={Object.entries(report.counters).map(([name, count]) => [words(name), formatCount(count)])} testId="counters" />}
         </section>
         <section>
@@ -55,6 +57,20 @@ function Plan({ report }: { report: FrameReport }) {
         ))}
       </tbody>
     </table>
+  );
+}
+
+/** What was done for the newest picture after the one that first showed the change. */
+function SinceThen({ report }: { report: FrameReport }) {
+  const state = useSession(pictureState);
+  const frame = useSession((session) => session.frame);
+  const samples = useSession((session) => session.scene?.sampling.samples_per_pixel ?? 1);
+  const done = passesRun(report);
+  return (
+    <div className="since-then" data-testid="since-then">
+      <h3>Since then: {stateInWords(state, frame, samples)}</h3>
+      {done.length > 0 ? <ul>{done.map((line) => <li key={line}>{line}</li>)}</ul> : <p className="hint">Nothing had to run: the picture was complete.</p>}
+    </div>
   );
 }
 

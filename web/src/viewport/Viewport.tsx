@@ -89,6 +89,7 @@ function LoadingMark() {
   const progress = useSession((state) => state.progress);
   const link = useSession((state) => state.link);
   const failure = useSession((state) => state.failure);
+  const notice = useSession((state) => state.notice);
   const waiting = useSession((state) => state.awaitingPicture);
   const retryAt = useSession((state) => state.retryAt);
   const seconds = useCountdown(retryAt);
@@ -111,6 +112,14 @@ function LoadingMark() {
       <div className="mark mark-offline" role="alert" data-testid="failure-mark">
         <span>{failure}</span>
         <button type="button" className="text-button" onClick={() => useSession.setState({ failure: null })}>Dismiss</button>
+      </div>
+    );
+  }
+  if (notice !== null && !progress && !waiting) {
+    return (
+      <div className="mark mark-offline" role="status" data-testid="notice-mark">
+        <span>{notice}</span>
+        <button type="button" className="text-button" onClick={() => useSession.setState({ notice: null })} data-testid="notice-dismiss">Dismiss</button>
       </div>
     );
   }
