@@ -1,6 +1,7 @@
 /** Name, dataset, method, and what concerns the scene as a whole. */
 
 import { FileButton, NativeSelect, Select, Tooltip, useMantineColorScheme } from "@mantine/core";
+import { useState } from "react";
 import { explore, takeFiles, useDatasets } from "../datasets/store";
 import { methodChoices, shortcoming } from "../quality/methods";
 import { session } from "../session/engine";
@@ -67,13 +68,14 @@ function DatasetSelect() {
 function MethodSelect() {
   const method = useSession((state) => state.scene?.illumination.method);
   const built = useSession((state) => state.status?.methods);
+  const [choosing, setChoosing] = useState(false);
   const lack = useSession((state) => (state.scene ? shortcoming(state.scene) : null));
   if (!method) return null;
   const choice = methodChoices.find((other) => other.method === method);
   const data = methodChoices.map((other) => ({ value: other.method, label: other.label, disabled: built !== undefined && !built.includes(other.method) }));
   return (
     <>
-      <Tooltip label={<>{choice?.gives}<br /><span className="dim">{choice?.paper}</span></>}>
+      <Tooltip disabled={choosing} label={<>{choice?.gives}<br /><span className="dim">{choice?.paper}</span></>}>
         <Select
           aria-label="Illumination method"
           className="top-method"
@@ -83,6 +85,8 @@ function MethodSelect() {
           withCheckIcon={false}
           comboboxProps={{ width: 330, position: "bottom-start" }}
           maxDropdownHeight={420}
+          onDropdownOpen={() => setChoosing(true)}
+          onDropdownClose={() => setChoosing(false)}
           data-testid="method-select"
           data-method={method}
           onChange={(next) => next && session.edit({ illumination: { method: next } })}

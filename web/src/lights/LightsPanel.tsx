@@ -41,7 +41,7 @@ export function LightsPanel() {
     <Section id="lights" title="Lights" fields={["lights"]} actions={<AddLight lights={lights} onAdd={addLight} />}>
       <div className="rigs">
         {rigs.map((rig) => (
-          <Button key={rig.id} variant="default" size="compact-xs" title={rig.hint} data-testid={`rig-${rig.id}`} onClick={() => {
+          <Button key={rig.id} variant="default" size="compact-xs" title={`${rig.hint}. Takes the place of all lights.`} data-testid={`rig-${rig.id}`} onClick={() => {
             setLights(rig.lights(currentCamera()));
             select(null);
           }}>

@@ -19,7 +19,7 @@ import { FrameReceiver } from "./frames";
 import { Inputs, type ViewportSize } from "./inputs";
 import { Meters } from "./meters";
 import { decodeScene, parseAddress, sessionAddress } from "./shareLink";
-import { useSession, type SessionState } from "./store";
+import { reported, useSession, type SessionState } from "./store";
 import { SceneSync } from "./sync";
 import { loadView, saveView } from "./viewMemory";
 import { VolumeFacts } from "./volumeFacts";
@@ -260,7 +260,7 @@ class Engine {
     this.edits = new EditLog();
     this.volume.forget();
     set({
-      sessionId: id, link: "connecting", retryAt: null, startCamera: null, startFits: false, report: null, changeReport: null,
+      sessionId: id, link: "connecting", retryAt: null, startCamera: null, startFits: false, report: null, changeReport: null, pictureReport: null,
       awaitingPicture: true, progress: null, notice: null, failure: null, fieldError: null, canUndo: false, canRedo: false,
       scene: scene ?? useSession.getState().scene,
     });
@@ -315,7 +315,7 @@ class Engine {
         this.rejected(message.seq, message.field, message.message);
         break;
       case "report":
-        set({ report: message.report, ...(message.report.changes.length > 0 ? { changeReport: message.report } : {}) });
+        set(reported(message.report));
         break;
       case "progress":
         set({ progress: message.fraction >= 1 ? null : { activity: message.activity, fraction: message.fraction } });

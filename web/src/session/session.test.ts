@@ -1,9 +1,9 @@
 import { describe, expect, it } from "vitest";
-import { FLAG_FINAL, FLAG_MOVING, type Camera, type FrameHeader, type SceneFile } from "../generated/proto";
+import { FLAG_FINAL, FLAG_MOVING, type Camera, type FrameHeader, type FrameReport, type SceneFile } from "../generated/proto";
 import { CameraTrail } from "./cameraTrail";
 import { Meters } from "./meters";
 import { asScene, base64urlFromBytes, bytesFromBase64url, decodeScene, encodeScene, parseAddress, sessionAddress } from "./shareLink";
-import { pictureState } from "./store";
+import { pictureState, reported } from "./store";
 import { SceneSync } from "./sync";
 
 const camera: Camera = { position: [0, 0, 2], target: [0, 0, 0], up: [0, 1, 0], fov_y_degrees: 40 };
@@ -147,6 +147,18 @@ describe("the state of the picture", () => {
     expect(pictureState({ ...moving, atRest: false })).toBe("moving");
     expect(pictureState({ ...moving, atRest: true })).toBe("refining");
     expect(pictureState({ ...moving, frame: { flags: FLAG_FINAL } as FrameHeader, atRest: true })).toBe("final");
+  });
+});
+
+describe("a report", () => {
+  const report: FrameReport = { changes: [], plan: [], stages: [], counters: {}, gpu_bytes: {} };
+  const stages = [{ stage: "ray cast", millis: 1 }];
+
+  it("replaces only what it tells of", () => {
+    const refined = { ...report, stages };
+    expect(reported(refined)).toEqual({ report: refined, pictureReport: refined });
+    const unseen = { ...report, changes: ["shadows of clipped matter"] };
+    expect(reported(unseen)).toEqual({ report: unseen, changeReport: unseen });
   });
 });
 

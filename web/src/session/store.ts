@@ -48,10 +48,12 @@ export interface SessionState {
   frame: FrameHeader | null;
   /** The picture on screen, if any, belongs to the session before. */
   awaitingPicture: boolean;
-  /** What was done for the newest picture. */
+  /** The newest report. */
   report: FrameReport | null;
   /** The newest report of a change: refining what it led to does not replace it. */
   changeReport: FrameReport | null;
+  /** The newest report that came with a picture: a change that cannot be seen needs none. */
+  pictureReport: FrameReport | null;
   /** A long step under way on the server. */
   progress: { activity: string; fraction: number } | null;
   /** No input has been sent for a moment. */
@@ -81,6 +83,7 @@ export const useSession = create<SessionState>(() => ({
   awaitingPicture: true,
   report: null,
   changeReport: null,
+  pictureReport: null,
   progress: null,
   atRest: true,
   notice: null,
@@ -88,6 +91,15 @@ export const useSession = create<SessionState>(() => ({
   fieldError: null,
   readings: { latencyMillis: null, framesPerSecond: 0, megabitsPerSecond: 0 },
 }));
+
+/** What a report makes known: it may be of a change, of a picture, or of both. */
+export function reported(report: FrameReport): Partial<SessionState> {
+  return {
+    report,
+    ...(report.changes.length > 0 ? { changeReport: report } : {}),
+    ...(report.stages.length > 0 ? { pictureReport: report } : {}),
+  };
+}
 
 /** What the viewport shows, in one word; also its `data-state`. */
 export type PictureState = "loading" | "offline" | "moving" | "refining" | "final";

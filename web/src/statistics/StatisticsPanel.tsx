@@ -10,6 +10,7 @@ import { formatCount, headline, passesRun, stateInWords, words } from "./figures
 export function StatisticsPanel() {
   const report = useSession((state) => state.report);
   const change = useSession((state) => state.changeReport);
+  const picture = useSession((state) => state.pictureReport);
   const frame = useSession((state) => state.frame);
   return (
     <aside className="statistics" data-testid="statistics">
@@ -20,22 +21,22 @@ export function StatisticsPanel() {
       </header>
       <div className="statistics-columns">
         <section>
-          <h3>{change ? "What the last change made run" : "What ran for the first picture"}</h3>
+          <h3>{change ? "What the last change made run" : "What ran for this picture"}</h3>
           {report ? <Plan report={change ?? report} /> : <p className="hint">The first report comes with the next picture.</p>}
           {report && change && report !== change && <SinceThen report={report} />}
         </section>
         <section>
           <h3>Time of the newest picture</h3>
-          {report && <Stages report={report} />}
+          {picture && <Stages report={picture} />}
           {frame && <FrameFigures frame={frame} />}
         </section>
         <section>
           <h3>Its work</h3>
-          {report && <Table rows={Object.entries(report.counters).map(([name, count]) => [words(name), formatCount(count)])} testId="counters" />}
+          {picture && <Table rows={Object.entries(picture.counters).map(([name, count]) => [words(name), formatCount(count)])} testId="counters" />}
         </section>
         <section>
           <h3>Memory and device</h3>
-          {report && <Table rows={Object.entries(report.gpu_bytes).map(([name, bytes]) => [words(name), formatBytes(bytes)])} testId="memory" />}
+          {picture && <Table rows={Object.entries(picture.gpu_bytes).map(([name, bytes]) => [words(name), formatBytes(bytes)])} testId="memory" />}
           <Device />
         </section>
       </div>

@@ -8,7 +8,7 @@ export function StatusLine() {
   const state = useSession(pictureState);
   const frame = useSession((session) => session.frame);
   const samples = useSession((session) => session.scene?.sampling.samples_per_pixel ?? 1);
-  const skipped = useSession((session) => skippedShare(session.report));
+  const skipped = useSession((session) => skippedShare(session.pictureReport));
   const software = useSession((session) => session.device?.software ?? session.status?.device.software ?? false);
   const { latencyMillis, framesPerSecond, megabitsPerSecond } = useSession((session) => session.readings);
   const open = useUi((ui) => ui.statisticsOpen);

@@ -25,7 +25,7 @@ export function skippedShare(report: FrameReport | null): number | null {
 /** What the statistics put first: what the last change was, or why the first picture was drawn. */
 export function headline(change: FrameReport | null, newest: FrameReport | null): string {
   if (change) return `Last change: ${change.changes.join(", ")}`;
-  return newest ? "The first picture; nothing has been changed yet" : "No picture yet";
+  return newest ? "Nothing has been changed yet" : "No picture yet";
 }
 
 /** The passes that ran, each with its reason. */

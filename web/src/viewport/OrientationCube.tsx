@@ -8,7 +8,7 @@ import { standardViews } from "./views";
 /** Half the cube's edge, CSS pixels. */
 const HALF = 19;
 /** Cosine to the viewer below which a face is too narrow for its letter. */
-const LETTER_MIN_FACING = 0.35;
+const LETTER_MIN_FACING = 0.45;
 
 export function OrientationCube() {
   const camera = useSession((state) => state.scene?.camera);
