@@ -53,7 +53,7 @@ export function LightsPanel() {
         {lights.map((item, index) => (
           <li key={item.id ?? index} className="light-row" data-selected={index === selected} data-testid={`light-${index}`} data-type={item.type} data-enabled={item.enabled}>
             <ColorField label="Colour of the light" color={lightHue(item)} testId={`light-colour-${index}`} onChange={(hue) => change(index, setHue(item, hue), `hue-${index}`)} />
-            <button type="button" className="light-name" aria-expanded={index === selected} onClick={() => select(index === selected ? null : index)} data-testid={`light-select-${index}`}>
+            <button type="button" className="light-name" title={`${lightNames[item.type]} ${item.id ?? index}: place and details`} aria-expanded={index === selected} onClick={() => select(index === selected ? null : index)} data-testid={`light-select-${index}`}>
               <span>{lightNames[item.type]}</span>
               <span className="light-id">{item.id ?? index}</span>
             </button>

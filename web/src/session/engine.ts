@@ -324,7 +324,7 @@ class Engine {
         set({ failure: message.message, progress: null });
         break;
       case "closing":
-        set({ failure: message.reason });
+        set({ failure: `The service closed the connection: ${message.reason}.` });
         break;
     }
     if (this.sync?.settled) this.settleWaiters.splice(0).forEach((done) => done());

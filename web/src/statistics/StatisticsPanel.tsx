@@ -11,7 +11,9 @@ export function StatisticsPanel() {
   const report = useSession((state) => state.report);
   const change = useSession((state) => state.changeReport);
   const picture = useSession((state) => state.pictureReport);
-  const frame = useSession((state) => state.frame);
+  const frame = useSession((session) => session.frame);
+  const samples = useSession((session) => session.scene?.sampling.samples_per_pixel ?? 1);
+  const state = stateInWords(useSession(pictureState), frame, samples);
   return (
     <aside className="statistics" data-testid="statistics">
       <header>
@@ -23,10 +25,10 @@ export function StatisticsPanel() {
         <section>
           <h3>{change ? "What the last change made run" : "What ran for this picture"}</h3>
           {report ? <Plan report={change ?? report} /> : <p className="hint">The first report comes with the next picture.</p>}
-          {report && change && report !== change && <SinceThen report={report} />}
         </section>
         <section>
-          <h3>Time of the newest picture</h3>
+          <h3>Newest picture: {state}</h3>
+          {report && change && report !== change && <SinceThen report={report} />}
           {picture && <Stages report={picture} />}
           {frame && <FrameFigures frame={frame} />}
         </section>
@@ -61,18 +63,11 @@ function Plan({ report }: { report: FrameReport }) {
   );
 }
 
-/** What was done for the newest picture after the one that first showed the change. */
+/** Why the newest picture was made, where it is not the one that first showed the change. */
 function SinceThen({ report }: { report: FrameReport }) {
-  const state = useSession(pictureState);
-  const frame = useSession((session) => session.frame);
-  const samples = useSession((session) => session.scene?.sampling.samples_per_pixel ?? 1);
   const done = passesRun(report);
-  return (
-    <div className="since-then" data-testid="since-then">
-      <h3>Since then: {stateInWords(state, frame, samples)}</h3>
-      {done.length > 0 ? <ul>{done.map((line) => <li key={line}>{line}</li>)}</ul> : <p className="hint">Nothing had to run: the picture was complete.</p>}
-    </div>
-  );
+  if (done.length === 0) return <p className="hint" data-testid="since-then">Nothing had to run: the film was complete.</p>;
+  return <ul className="since-then" data-testid="since-then">{done.map((line) => <li key={line}>{line}</li>)}</ul>;
 }
 
 /** Stage times as a strip: widths are shares of the sum. */
