@@ -5,6 +5,8 @@ import { sessionOf, step } from "../lib/world.js";
 
 /** Small laptops, projectors and desks; CSS pixels. */
 const SIZES = [[900, 420], [1280, 800], [1920, 1080]];
+/** Tablets and telephones; CSS pixels. */
+const NARROW_SIZES = [[800, 900], [390, 800]];
 /** A sample that is drawn quickly. */
 const SAMPLE = "smoke_plume";
 /** What must lie within the page at every size. */
@@ -26,6 +28,36 @@ export function layoutSteps() {
       const scrolled = await visitor.page.evaluate(() => [document.documentElement.scrollWidth, document.documentElement.scrollHeight]);
       assert.deepEqual(scrolled, [width, height], "the page does not scroll");
       assert.equal(picture.size, `${picture.width}x${picture.height}`);
+      assert.deepEqual(visitor.complaints, []);
+      await visitor.leave();
+    }
+  });
+
+  step("layout: a narrow page shows one panel at a time over a picture that stays", async (arrive) => {
+    const hash = await sessionOf(SAMPLE);
+    for (const [width, height] of NARROW_SIZES) {
+      const visitor = await arrive({ hash, width, height });
+      const { size } = await visitor.picture();
+      const { sent } = visitor;
+      const within = async (id) => {
+        const box = await visitor.at(id).boundingBox();
+        assert.ok(box && box.x >= 0 && box.y >= 0 && box.x + box.width <= width && box.y + box.height <= height, `${id} within ${width}x${height}: ${JSON.stringify(box)}`);
+      };
+      for (const id of ["toggle-left", "toggle-right", "status-state", "status-latency", "help"]) await within(id);
+      await visitor.at("toggle-left").click();
+      await within("panel-left");
+      await visitor.at("toggle-right").click();
+      await within("panel-right");
+      assert.equal(await visitor.at("panel-left").count(), 0, "one panel at a time");
+      await visitor.at("toggle-right").click();
+      assert.equal(await visitor.at("panel-right").count(), 0);
+      await visitor.at("status-line").click();
+      await within("statistics");
+      await visitor.page.screenshot({ path: artifact(`page-${width}x${height}.png`) });
+      assert.equal(await visitor.page.evaluate(() => document.documentElement.scrollWidth), width, "the page does not scroll");
+      await visitor.flushed();
+      assert.equal(visitor.sent, sent, "none of this asks for another picture");
+      assert.equal((await visitor.look()).size, size);
       assert.deepEqual(visitor.complaints, []);
       await visitor.leave();
     }

@@ -16,7 +16,6 @@ export function planSteps() {
     await visitor.picture();
     await visitor.key("i");
     await visitor.at("statistics").waitFor();
-    // The statistics take room from the picture.
     const start = await visitor.picture();
 
     visitor.reports.length = 0;

@@ -55,6 +55,7 @@ const segment = encodeURIComponent;
 
 export const getStatus = (): Promise<Status> => getJson("/status");
 export const getDatasets = (): Promise<Dataset[]> => getJson("/datasets");
+export const getDataset = (id: string): Promise<Dataset> => getJson(`/datasets/${segment(id)}`);
 export const getHistogram = (id: string): Promise<Histogram> => getJson(`/datasets/${segment(id)}/histogram`);
 export const thumbnailUrl = (id: string): string => `${BASE}/datasets/${segment(id)}/thumbnail`;
 export const uploadUrl = `${BASE}/datasets`;

@@ -18,14 +18,14 @@ import { HelpSheet } from "./HelpSheet";
 import { handleKey } from "./keyboard";
 import { sayError } from "./say";
 import { TopBar } from "./TopBar";
-import { useUi } from "./uiStore";
+import { isOpen, useUi } from "./uiStore";
 
 /** Members of the scene whose refused edits are shown in a panel; all others become a message. */
 const SHOWN_IN_PLACE = /^(transfer_function|value_range|density|materials|lights|clip|sampling|film|background|volume|scattering|illumination)/;
 
 export function App() {
-  const left = useUi((ui) => ui.leftOpen);
-  const right = useUi((ui) => ui.rightOpen);
+  const left = useUi((ui) => isOpen(ui, "left"));
+  const right = useUi((ui) => isOpen(ui, "right"));
   const statistics = useUi((ui) => ui.statisticsOpen);
   const connected = useSession((state) => state.link === "open");
 
@@ -51,7 +51,7 @@ export function App() {
     <div className="page" data-left={left} data-right={right}>
       <TopBar />
       {left && <aside className="panel panel-left" data-testid="panel-left"><DatasetsPanel /></aside>}
-      <main className="stage">
+      <main className="stage" data-statistics={statistics}>
         <Viewport />
         {statistics && <StatisticsPanel />}
       </main>

@@ -1,6 +1,7 @@
 /** Name, dataset, method, and what concerns the scene as a whole. */
 
 import { FileButton, NativeSelect, Select, Tooltip, useMantineColorScheme } from "@mantine/core";
+import { useState } from "react";
 import { explore, takeFiles, useDatasets } from "../datasets/store";
 import { methodChoices, shortcoming } from "../quality/methods";
 import { session } from "../session/engine";
@@ -8,19 +9,20 @@ import { useSession } from "../session/store";
 import { FieldNote, IconButton } from "./controls";
 import { copyShareLink, saveScene } from "./files";
 import { sayError } from "./say";
-import { useUi } from "./uiStore";
+import { isOpen, useUi } from "./uiStore";
 
 export function TopBar() {
   const canUndo = useSession((state) => state.canUndo);
   const canRedo = useSession((state) => state.canRedo);
   const hasScene = useSession((state) => state.scene !== null);
-  const left = useUi((ui) => ui.leftOpen);
-  const right = useUi((ui) => ui.rightOpen);
+  const left = useUi((ui) => isOpen(ui, "left"));
+  const right = useUi((ui) => isOpen(ui, "right"));
+  const toggle = useUi((ui) => ui.togglePanel);
   const { colorScheme, setColorScheme } = useMantineColorScheme({ keepTransitions: true });
   const dark = colorScheme !== "light";
   return (
     <header className="top-bar" data-testid="top-bar">
-      <IconButton icon="panelLeft" label="Datasets" hotkey="[" active={left} onClick={() => useUi.setState({ leftOpen: !left })} testId="toggle-left" />
+      <IconButton icon="panelLeft" label="Datasets" hotkey="[" active={left} onClick={() => toggle("left")} testId="toggle-left" />
       <span className="wordmark">Tyndall</span>
       <DatasetSelect />
       <MethodSelect />
@@ -36,7 +38,7 @@ export function TopBar() {
       <span className="top-rule" />
       <IconButton icon={dark ? "sun" : "moon"} label={dark ? "Light theme, for projectors and print" : "Dark theme"} onClick={() => setColorScheme(dark ? "light" : "dark")} testId="toggle-theme" />
       <IconButton icon="help" label="Keys and gestures" hotkey="?" onClick={() => useUi.setState({ helpOpen: true })} testId="help" />
-      <IconButton icon="panelRight" label="Transfer function and lights" hotkey="]" active={right} onClick={() => useUi.setState({ rightOpen: !right })} testId="toggle-right" />
+      <IconButton icon="panelRight" label="Transfer function and lights" hotkey="]" active={right} onClick={() => toggle("right")} testId="toggle-right" />
     </header>
   );
 }
@@ -47,7 +49,7 @@ const sceneInput = { "data-testid": "scene-input" } as object;
 /** Opens a dataset; says here what would be said at its card if the panel were open. */
 async function choose(id: string): Promise<void> {
   const problem = id === "" ? null : await explore(id);
-  if (problem !== null && !useUi.getState().leftOpen) sayError(new Error(problem));
+  if (problem !== null && !isOpen(useUi.getState(), "left")) sayError(new Error(problem));
 }
 
 function DatasetSelect() {
@@ -66,13 +68,14 @@ function DatasetSelect() {
 function MethodSelect() {
   const method = useSession((state) => state.scene?.illumination.method);
   const built = useSession((state) => state.status?.methods);
+  const [choosing, setChoosing] = useState(false);
   const lack = useSession((state) => (state.scene ? shortcoming(state.scene) : null));
   if (!method) return null;
   const choice = methodChoices.find((other) => other.method === method);
   const data = methodChoices.map((other) => ({ value: other.method, label: other.label, disabled: built !== undefined && !built.includes(other.method) }));
   return (
     <>
-      <Tooltip label={<>{choice?.gives}<br /><span className="dim">{choice?.paper}</span></>}>
+      <Tooltip disabled={choosing} label={<>{choice?.gives}<br /><span className="dim">{choice?.paper}</span></>}>
         <Select
           aria-label="Illumination method"
           className="top-method"
@@ -82,6 +85,8 @@ function MethodSelect() {
           withCheckIcon={false}
           comboboxProps={{ width: 330, position: "bottom-start" }}
           maxDropdownHeight={420}
+          onDropdownOpen={() => setChoosing(true)}
+          onDropdownClose={() => setChoosing(false)}
           data-testid="method-select"
           data-method={method}
           onChange={(next) => next && session.edit({ illumination: { method: next } })}

@@ -4,8 +4,9 @@ import { ColorPicker, NumberInput, Popover, Slider, Tooltip, ActionIcon } from "
 import { useEffect, useId, useRef, useState, type ReactNode } from "react";
 import { hexFromLinear, linearFromHex } from "../scene/colour";
 import { rounded, type Triple } from "../scene/vec";
-import { rootOf, session } from "../session/engine";
+import { session } from "../session/engine";
 import { useSession } from "../session/store";
+import { rootOf } from "../session/words";
 import { Icon, type IconName } from "./Icon";
 import { useUi, type SectionId } from "./uiStore";
 
@@ -50,7 +51,7 @@ export function FieldNote({ fields }: { fields: readonly string[] }) {
 }
 
 export function Row({ label, hint, children }: { label: string; hint?: string; children: ReactNode }) {
-  const text = <span className="row-label">{label}</span>;
+  const text = <span className="row-label" data-hint={hint !== undefined}>{label}</span>;
   return (
     <div className="row">
       {hint === undefined ? text : <Tooltip label={hint}>{text}</Tooltip>}
@@ -226,7 +227,8 @@ export function IconButton({ icon, label, hotkey, onClick, disabled = false, act
 }) {
   return (
     <Tooltip label={hotkey === undefined ? label : <>{label} <kbd>{hotkey}</kbd></>}>
-      <ActionIcon color="gray" aria-label={label} aria-pressed={active} data-active={active} disabled={disabled} onClick={onClick} data-testid={testId}>
+      {/* Not `disabled`, which would keep the tooltip away that may say why. */}
+      <ActionIcon color="gray" aria-label={label} aria-pressed={active} aria-disabled={disabled} data-active={active} {...(disabled ? { "data-disabled": true } : { onClick })} data-testid={testId}>
         <Icon name={icon} />
       </ActionIcon>
     </Tooltip>
@@ -249,7 +251,7 @@ export function TripleField({ label, value, onChange, step = 0.05, testId }: {
           label={`${label} ${axis}`}
           value={value[index] ?? 0}
           step={step}
-          width={60}
+          width={56}
           digits={3}
           testId={`${testId}-${axis}`}
           onChange={(number) => {

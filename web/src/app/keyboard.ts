@@ -15,8 +15,8 @@ interface Binding {
   run: (key: string) => void;
 }
 
-const flipLeft = (): void => void useUi.setState((ui) => ({ leftOpen: !ui.leftOpen }));
-const flipRight = (): void => void useUi.setState((ui) => ({ rightOpen: !ui.rightOpen }));
+const flipLeft = (): void => useUi.getState().togglePanel("left");
+const flipRight = (): void => useUi.getState().togglePanel("right");
 
 export const bindings: readonly Binding[] = [
   { keys: ["ArrowLeft"], shown: "←", does: "Turn left", run: () => turn(-1, 0) },
@@ -29,8 +29,8 @@ export const bindings: readonly Binding[] = [
   { keys: ["r"], shown: "R", does: "Back to the starting view", run: resetView },
   { keys: ["f"], shown: "F", does: "Full screen", run: () => void toggleFullScreen().catch(sayError) },
   { keys: ["s"], shown: "S", does: "Save a still as PNG", run: () => void saveStill() },
-  { keys: ["z"], shift: false, shown: "Z", does: "Undo", run: () => session.undo() },
-  { keys: ["z"], shift: true, shown: "Shift Z", does: "Redo", run: () => session.redo() },
+  { keys: ["z"], shift: false, shown: "Z or Ctrl Z", does: "Undo", run: () => session.undo() },
+  { keys: ["z"], shift: true, shown: "Shift Z or Ctrl Shift Z", does: "Redo", run: () => session.redo() },
   { keys: ["["], shown: "[", does: "Fold the left panel", run: flipLeft },
   { keys: ["]"], shown: "]", does: "Fold the right panel", run: flipRight },
   { keys: ["i"], shown: "I", does: "Statistics", run: () => void useUi.setState((ui) => ({ statisticsOpen: !ui.statisticsOpen })) },

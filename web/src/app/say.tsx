@@ -1,7 +1,7 @@
 /** Short messages that concern no control in particular. */
 
 import { notifications } from "@mantine/notifications";
-import { wordsOf } from "../session/engine";
+import { wordsOf } from "../session/words";
 
 /** How long a message stays, milliseconds. */
 const NOTICE_MILLIS = 3500;

@@ -11,6 +11,8 @@ export const NARROW_PIXELS = 900;
 
 export type SectionId = "transfer" | "materials" | "lights" | "clip" | "quality" | "samples" | "mine";
 
+export type Side = "left" | "right";
+
 interface Kept {
   leftOpen: boolean;
   rightOpen: boolean;
@@ -23,6 +25,10 @@ interface Kept {
 }
 
 interface Passing {
+  /** The page is too narrow for panels beside the picture. */
+  narrow: boolean;
+  /** The panel that lies over the picture of a narrow page: one at a time. */
+  sheet: Side | null;
   helpOpen: boolean;
   selectedPoint: number | null;
   /** Index of the light whose handles are shown. */
@@ -31,35 +37,48 @@ interface Passing {
 
 interface Actions {
   toggleSection: (id: SectionId) => void;
+  togglePanel: (side: Side) => void;
   usedColour: (hex: string) => void;
 }
+
+const narrowPage = window.matchMedia(`(width < ${NARROW_PIXELS}px)`);
+
+/** Whether a side panel is seen: beside the picture, or as a sheet over it. */
+export const isOpen = (ui: Pick<Kept & Passing, "narrow" | "sheet" | "leftOpen" | "rightOpen">, side: Side): boolean =>
+  ui.narrow ? ui.sheet === side : side === "left" ? ui.leftOpen : ui.rightOpen;
 
 export const useUi = create<Kept & Passing & Actions>()(
   persist(
     (set) => ({
-      leftOpen: window.innerWidth >= NARROW_PIXELS,
-      rightOpen: window.innerWidth >= NARROW_PIXELS,
+      leftOpen: true,
+      rightOpen: true,
       closedSections: ["materials"],
       statisticsOpen: false,
       logHistogram: true,
       opacityAxis: "linear",
       recentColours: [],
+      narrow: narrowPage.matches,
+      sheet: null,
       helpOpen: false,
       selectedPoint: null,
       selectedLight: null,
       toggleSection: (id) => set(({ closedSections }) => ({
         closedSections: closedSections.includes(id) ? closedSections.filter((other) => other !== id) : [...closedSections, id],
       })),
+      togglePanel: (side) => set((ui) => {
+        if (ui.narrow) return { sheet: ui.sheet === side ? null : side };
+        return side === "left" ? { leftOpen: !ui.leftOpen } : { rightOpen: !ui.rightOpen };
+      }),
       usedColour: (hex) => set(({ recentColours }) => ({
         recentColours: [hex, ...recentColours.filter((other) => other !== hex)].slice(0, MAX_RECENT_COLOURS),
       })),
     }),
     {
       name: "tyndall.page",
-      partialize: ({ closedSections, statisticsOpen, logHistogram, opacityAxis, recentColours, leftOpen, rightOpen }): Partial<Kept> =>
-        window.innerWidth < NARROW_PIXELS
-          ? { closedSections, statisticsOpen, logHistogram, opacityAxis, recentColours }
-          : { closedSections, statisticsOpen, logHistogram, opacityAxis, recentColours, leftOpen, rightOpen },
+      partialize: ({ closedSections, statisticsOpen, logHistogram, opacityAxis, recentColours, leftOpen, rightOpen }): Kept =>
+        ({ closedSections, statisticsOpen, logHistogram, opacityAxis, recentColours, leftOpen, rightOpen }),
     },
   ),
 );
+
+narrowPage.addEventListener("change", ({ matches }) => useUi.setState({ narrow: matches, sheet: null }));

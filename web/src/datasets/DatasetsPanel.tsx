@@ -2,7 +2,6 @@
 
 import { Button, FileButton } from "@mantine/core";
 import { useState } from "react";
-import { thumbnailUrl } from "../api/rest";
 import { IconButton, Section } from "../app/controls";
 import { Icon } from "../app/Icon";
 import { sayError } from "../app/say";
@@ -10,6 +9,7 @@ import type { Dataset } from "../generated/proto";
 import { useSession } from "../session/store";
 import { formatDims } from "./format";
 import { explore, refreshDatasets, removeDataset, takeFiles, useDatasets } from "./store";
+import { Thumbnail } from "./Thumbnail";
 import { DatasetFacts, UploadTiles } from "./UploadTiles";
 
 /** Browser tests put files here. */
@@ -57,7 +57,7 @@ function Card({ dataset }: { dataset: Dataset }) {
   return (
     <li className="card" data-current={current} data-testid={`dataset-${dataset.id}`}>
       <div className="card-row">
-        <button type="button" className="card-open" onClick={() => void explore(dataset.id)} disabled={opening} data-testid={`open-${dataset.id}`}>
+        <button type="button" className="card-open" title={`${dataset.name}, ${formatDims(dataset.dims)} ${dataset.voxel_type}`} onClick={() => void explore(dataset.id)} disabled={opening} data-testid={`open-${dataset.id}`}>
           <Thumbnail id={dataset.id} />
           <span className="card-text">
             <span className="card-name">{dataset.name}</span>
@@ -78,11 +78,4 @@ function Card({ dataset }: { dataset: Dataset }) {
       {details && <DatasetFacts dataset={dataset} />}
     </li>
   );
-}
-
-/** The server's picture of a dataset; a quiet square where there is none. */
-function Thumbnail({ id }: { id: string }) {
-  const [missing, setMissing] = useState(false);
-  if (missing) return <span className="thumbnail" />;
-  return <img className="thumbnail" src={thumbnailUrl(id)} alt="" loading="lazy" onError={() => setMissing(true)} />;
 }

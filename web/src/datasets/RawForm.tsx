@@ -26,13 +26,13 @@ export function RawForm({ tile }: { tile: UploadTile }) {
       <Row label="Size" hint="Voxels along x (fastest), y and z">
         <Three label="Voxels along" value={layout.dims} min={1} max={MAX_EDGE} step={1} testId="raw-dims" onChange={(dims) => setLayout({ ...layout, dims })} />
       </Row>
-      <Row label="Type">
+      <Row label="Type" hint="Type of a voxel">
         <NativeSelect aria-label="Voxel type" value={layout.type} data={Object.keys(voxelBytes)} data-testid="raw-type" onChange={(event) => setLayout({ ...layout, type: event.currentTarget.value as VoxelType })} />
       </Row>
-      <Row label="Bytes">
+      <Row label="Order" hint="Order of the bytes in a voxel; of no account for one byte">
         <NativeSelect aria-label="Byte order" value={layout.endian} data={[{ value: "little", label: "little-endian" }, { value: "big", label: "big-endian" }]} data-testid="raw-endian" onChange={(event) => setLayout({ ...layout, endian: event.currentTarget.value === "big" ? "big" : "little" })} />
       </Row>
-      <Row label="Header">
+      <Row label="Header" hint="Bytes to skip before the first voxel">
         <NumberField label="Bytes to skip" value={layout.header_bytes} min={0} step={1} digits={12} width={72} suffix=" B" testId="raw-header" onChange={(header_bytes) => setLayout({ ...layout, header_bytes })} />
       </Row>
       <Row label="Spacing" hint="Edges of a voxel along x, y and z">

@@ -1,6 +1,7 @@
 import { describe, expect, it } from "vitest";
 import { formatBytes } from "./format";
 import { groupFiles, guessLayout, layoutProblem, sidecarName } from "./grouping";
+import { Turns } from "./turns";
 import { SpeedMeter } from "./upload";
 
 const named = (...names: string[]) => names.map((name) => ({ name, size: 10 }));
@@ -67,5 +68,20 @@ describe("numbers in words", () => {
     expect(meter.mark(1000, 1000)).toBeCloseTo(1000, 9);
     expect(meter.mark(9000, 5000)).toBe(0);
     expect(meter.mark(10_000, 6000)).toBeCloseTo(1000, 9);
+  });
+});
+
+describe("turns", () => {
+  it("are few at a time, in order, and leave out who no longer waits", () => {
+    const turns = new Turns(2);
+    const started: string[] = [];
+    const [a, , c] = ["a", "b", "c", "d"].map((name) => turns.ask(() => started.push(name)));
+    expect(started).toEqual(["a", "b"]);
+    c?.();
+    a?.();
+    a?.();
+    expect(started).toEqual(["a", "b", "d"]);
+    turns.ask(() => started.push("e"));
+    expect(started).not.toContain("e");
   });
 });

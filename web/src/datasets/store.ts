@@ -2,10 +2,12 @@
 
 import { create } from "zustand";
 import { deleteDataset, getDatasets } from "../api/rest";
+import { useUi } from "../app/uiStore";
 import type { Dataset, SceneFile } from "../generated/proto";
-import { session, wordsOf } from "../session/engine";
+import { session } from "../session/engine";
 import { looksLikeScene } from "../session/shareLink";
 import { useSession } from "../session/store";
+import { wordsOf } from "../session/words";
 import { formatBytes } from "./format";
 import { groupFiles, sidecarName, type Group, type RawLayout } from "./grouping";
 import { startUpload, type Progress } from "./upload";
@@ -56,6 +58,8 @@ export async function explore(id: string): Promise<string | null> {
   set({ opening: id, datasetError: null });
   try {
     await session.openDataset(id);
+    // On a narrow page the list lies over the picture that was asked for.
+    useUi.setState({ sheet: null });
     return null;
   } catch (error) {
     const message = wordsOf(error);

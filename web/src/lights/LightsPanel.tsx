@@ -41,7 +41,7 @@ export function LightsPanel() {
     <Section id="lights" title="Lights" fields={["lights"]} actions={<AddLight lights={lights} onAdd={addLight} />}>
       <div className="rigs">
         {rigs.map((rig) => (
-          <Button key={rig.id} variant="default" size="compact-xs" title={rig.hint} data-testid={`rig-${rig.id}`} onClick={() => {
+          <Button key={rig.id} variant="default" size="compact-xs" title={`${rig.hint}. Takes the place of all lights.`} data-testid={`rig-${rig.id}`} onClick={() => {
             setLights(rig.lights(currentCamera()));
             select(null);
           }}>
@@ -53,7 +53,7 @@ export function LightsPanel() {
         {lights.map((item, index) => (
           <li key={item.id ?? index} className="light-row" data-selected={index === selected} data-testid={`light-${index}`} data-type={item.type} data-enabled={item.enabled}>
             <ColorField label="Colour of the light" color={lightHue(item)} testId={`light-colour-${index}`} onChange={(hue) => change(index, setHue(item, hue), `hue-${index}`)} />
-            <button type="button" className="light-name" aria-expanded={index === selected} onClick={() => select(index === selected ? null : index)} data-testid={`light-select-${index}`}>
+            <button type="button" className="light-name" title={`${lightNames[item.type]} ${item.id ?? index}: place and details`} aria-expanded={index === selected} onClick={() => select(index === selected ? null : index)} data-testid={`light-select-${index}`}>
               <span>{lightNames[item.type]}</span>
               <span className="light-id">{item.id ?? index}</span>
             </button>

@@ -58,24 +58,24 @@ function MaterialFields({ name, material, used, onChange }: { name: string; mate
 function BrdfFields({ brdf, onChange }: { brdf: Brdf; onChange: (brdf: Brdf) => void }) {
   return (
     <>
-      <Row label="Reflection">
+      <Row label="Reflection" hint="How the surface reflects; surfaces lie where the values change quickly">
         <NativeSelect aria-label="Reflection model" value={brdf.type} data={options(brdfNames)} data-testid="material-brdf" onChange={(event) => onChange(brdfOf(event.currentTarget.value as Brdf["type"], brdf.diffuse))} />
       </Row>
-      <SliderField label="Diffuse" value={brdf.diffuse} min={0} max={1} step={0.05} testId="material-diffuse" onChange={(diffuse) => onChange({ ...brdf, diffuse })} />
+      <SliderField label="Diffuse" hint="Share of the light that a surface reflects evenly in all directions" value={brdf.diffuse} min={0} max={1} step={0.05} testId="material-diffuse" onChange={(diffuse) => onChange({ ...brdf, diffuse })} />
       {(brdf.type === "blinn_phong" || brdf.type === "ashikhmin_shirley") && (
-        <SliderField label="Specular" value={brdf.specular} min={0} max={1} step={0.01} testId="material-specular" onChange={(specular) => onChange({ ...brdf, specular })} />
+        <SliderField label="Specular" hint="Share of the light that a surface reflects as a highlight" value={brdf.specular} min={0} max={1} step={0.01} testId="material-specular" onChange={(specular) => onChange({ ...brdf, specular })} />
       )}
       {brdf.type === "blinn_phong" && (
-        <Row label="Exponent"><NumberField label="Exponent" value={brdf.exponent} min={0} max={1e4} step={5} testId="material-exponent" onChange={(exponent) => onChange({ ...brdf, exponent })} /></Row>
+        <Row label="Exponent" hint="Larger: smaller and sharper highlights"><NumberField label="Exponent" value={brdf.exponent} min={0} max={1e4} step={5} testId="material-exponent" onChange={(exponent) => onChange({ ...brdf, exponent })} /></Row>
       )}
       {brdf.type === "ashikhmin_shirley" && (
-        <Row label="Exponents">
+        <Row label="Exponents" hint="Sharpness of the highlight along and across; larger is sharper">
           <NumberField label="First exponent" value={brdf.exponents[0]} min={0} max={1e4} step={5} testId="material-exponent-u" onChange={(u) => onChange({ ...brdf, exponents: [u, brdf.exponents[1]] })} />
           <NumberField label="Second exponent" value={brdf.exponents[1]} min={0} max={1e4} step={5} testId="material-exponent-v" onChange={(v) => onChange({ ...brdf, exponents: [brdf.exponents[0], v] })} />
         </Row>
       )}
       {brdf.type === "abc" && (
-        <Row label="A, B, C">
+        <Row label="A, B, C" hint="Peak, width and fall-off of the highlight">
           <NumberField label="A: peak" value={brdf.a} min={0} max={1e6} width={56} testId="material-a" onChange={(a) => onChange({ ...brdf, a })} />
           <NumberField label="B: width" value={brdf.b} min={0} max={1e6} width={56} testId="material-b" onChange={(b) => onChange({ ...brdf, b })} />
           <NumberField label="C: fall-off" value={brdf.c} min={0} max={1e3} width={56} testId="material-c" onChange={(c) => onChange({ ...brdf, c })} />

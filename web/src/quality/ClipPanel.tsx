@@ -1,11 +1,16 @@
-/** Cuts the volume open along its axes. */
+/** Cuts the volume open: a box along its axes, and planes. */
 
-import { RangeSlider, Switch } from "@mantine/core";
+import { Button, RangeSlider, Switch } from "@mantine/core";
 import { Row, Section } from "../app/controls";
-import type { Clip } from "../generated/proto";
+import { Icon } from "../app/Icon";
+import { MAX_CLIP_PLANES, type Clip } from "../generated/proto";
 import { rounded, type Triple } from "../scene/vec";
 import { session } from "../session/engine";
 import { useSession } from "../session/store";
+import { currentCamera } from "../viewport/actions";
+import { planeFacing } from "./clipPlanes";
+import { withoutEffect } from "./methods";
+import { PlaneRows, setPlanes } from "./PlaneRows";
 
 const WHOLE: [Triple, Triple] = [[0, 0, 0], [1, 1, 1]];
 /** Thinnest slab that is kept, share of the edge. */
@@ -25,12 +30,20 @@ export function withAxis(box: NonNullable<Clip["box"]>, axis: 0 | 1 | 2, [low, h
 export function ClipPanel() {
   const clip = useSession((state) => state.scene?.clip);
   const anatomical = useSession((state) => state.dataset?.anatomical ?? false);
-  if (!clip) return null;
+  const method = useSession((state) => state.scene?.illumination.method);
+  if (!clip || method === undefined) return null;
+  const shadowsLack = withoutEffect(method, "clip shadows");
+  const cut = clip.box !== undefined || clip.planes.length > 0;
   const box = clip.box ?? WHOLE;
   const names = anatomical ? anatomicalNames : gridNames;
-  const reset = clip.box && <button type="button" className="text-button" onClick={() => session.edit({ clip: { box: null } })} data-testid="clip-reset">Whole</button>;
+  const actions = (
+    <div className="section-actions">
+      {cut && <button type="button" className="text-button" title="Cut nothing away" onClick={() => session.edit({ clip: { box: null, planes: [] } })} data-testid="clip-reset">Whole</button>}
+      <Button variant="default" size="compact-xs" leftSection={<Icon name="plus" size={11} />} title="A plane that cuts away the half that is nearer to you" disabled={clip.planes.length >= MAX_CLIP_PLANES} onClick={() => setPlanes([...clip.planes, planeFacing(currentCamera())])} data-testid="clip-plane-add">Plane</Button>
+    </div>
+  );
   return (
-    <Section id="clip" title="Clip" fields={["clip"]} actions={reset}>
+    <Section id="clip" title="Clip" fields={["clip"]} actions={actions}>
       {([0, 1, 2] as const).map((axis) => (
         <Row key={axis} label={names[axis]}>
           <RangeSlider
@@ -53,9 +66,11 @@ export function ClipPanel() {
           <span className="number clip-range">{Math.round(box[0][axis] * 100)}–{Math.round(box[1][axis] * 100)} %</span>
         </Row>
       ))}
+      <PlaneRows planes={clip.planes} />
       <Row label="Shadows" hint="Whether what is cut away still blocks light">
-        <Switch checked={clip.shadows} label="Cut parts still cast shadows" data-testid="clip-shadows" onChange={(event) => session.edit({ clip: { shadows: event.currentTarget.checked } })} />
+        <Switch checked={clip.shadows} label="Also from cut parts" data-testid="clip-shadows" onChange={(event) => session.edit({ clip: { shadows: event.currentTarget.checked } })} />
       </Row>
+      {shadowsLack !== null && <p className="hint row-hint" data-testid="clip-shadows-note">{shadowsLack}</p>}
     </Section>
   );
 }

@@ -5,6 +5,7 @@ import { ColorField, NumberField, Row, Section, SliderField } from "../app/contr
 import type { ToneMapping } from "../generated/proto";
 import { session } from "../session/engine";
 import { useSession } from "../session/store";
+import { withoutEffect } from "./methods";
 
 const MAX_SAMPLES = 4096;
 /** Samples per pixel at the end of the slider. */
@@ -24,7 +25,9 @@ export function QualityPanel() {
   const background = useSession((state) => state.scene?.background);
   const filter = useSession((state) => state.scene?.volume.filter);
   const orders = useSession((state) => state.scene?.scattering.orders);
-  if (!sampling || !film || background === undefined || orders === undefined) return null;
+  const method = useSession((state) => state.scene?.illumination.method);
+  if (!sampling || !film || background === undefined || orders === undefined || method === undefined) return null;
+  const ordersLack = withoutEffect(method, "scattering orders");
   return (
     <Section id="quality" title="Quality" fields={["sampling", "film", "background", "volume", "scattering"]}>
       <SliderField label="Step" hint="Distance between samples on a ray, in smallest voxel edges" value={sampling.step_voxels} min={1 / 16} max={8} step={0.05} toSlider={Math.log2} fromSlider={(x) => 2 ** x} testId="step-voxels" onChange={(step_voxels) => session.edit({ sampling: { step_voxels } }, "step")} />
@@ -42,8 +45,9 @@ export function QualityPanel() {
         }} />
         {orders !== "all" && orders !== 1 && <NumberField label="Most orders" value={orders} min={1} max={MAX_ORDERS} step={1} width={58} testId="scattering-orders" onChange={(count) => session.edit({ scattering: { orders: Math.round(count) } }, "orders")} />}
       </Row>
+      {ordersLack !== null && <p className="hint row-hint" data-testid="scattering-note">{ordersLack}</p>}
       <SliderField label="Exposure" hint="Stops: each doubles the light" value={film.exposure_stops} min={-20} max={20} sliderMax={6} step={0.1} toSlider={(x) => Math.max(-6, x)} testId="exposure" onChange={(exposure_stops) => session.edit({ film: { exposure_stops } }, "exposure")} />
-      <Row label="Tone mapping" hint="From radiance to screen">
+      <Row label="Tone map" hint="How radiance becomes brightness on the screen">
         <NativeSelect aria-label="Tone mapping" value={film.tone_mapping} data={[...toneMappings]} data-testid="tone-mapping" onChange={(event) => session.edit({ film: { tone_mapping: event.currentTarget.value } })} />
       </Row>
       <Row label="Background">

@@ -22,6 +22,15 @@ export const methodChoices: readonly MethodChoice[] = [
 
 export const labelOf = (method: Method): string => methodChoices.find((choice) => choice.method === method)?.label ?? method;
 
+/** What a control of the panels does not do with this method, in words; null if it works. */
+export function withoutEffect(method: Method, control: "clip shadows" | "scattering orders"): string | null {
+  if (method !== "local") return null;
+  return {
+    "clip shadows": "Local shading casts no shadows.",
+    "scattering orders": "Local shading scatters light once and follows it no further.",
+  }[control];
+}
+
 /** What of the scene its method does not show; null if nothing is left out. */
 export function shortcoming({ illumination, lights }: Pick<SceneFile, "illumination" | "lights">): string | null {
   const shining = lights.filter((light) => light.enabled);

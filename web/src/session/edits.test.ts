@@ -71,6 +71,15 @@ describe("undo steps", () => {
     expect(scene()).toEqual(start);
   });
 
+  it("vanish when a burst comes back to where it began", () => {
+    const { log, edit } = editor();
+    edit({ density: 2 }, "density", 0);
+    edit({ density: 1 }, "density", 200);
+    expect(log.canUndo).toBe(false);
+    edit({ density: 3 }, "density", 400);
+    expect(log.canUndo).toBe(true);
+  });
+
   it("leave another viewer's edit alone", () => {
     const { log, scene, edit, walk } = editor();
     edit({ density: 2 });

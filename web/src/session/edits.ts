@@ -42,8 +42,14 @@ export class EditLog {
     const continues = key !== null && burst?.key === key && now - burst.at < COALESCE_MILLIS;
     const start = continues ? burst.before : before;
     const step = stepBetween(start, after);
+    if (!step) {
+      // The burst has come back to where it began: there is nothing left to take back.
+      if (continues) this.history = forgetLast(this.history);
+      this.burst = null;
+      return;
+    }
     this.burst = key === null ? null : { key, before: start, at: now };
-    if (step) this.history = continues ? amend(this.history, step) : record(this.history, step);
+    this.history = continues ? amend(this.history, step) : record(this.history, step);
   }
 
   /** The patch that takes the newest step back; null if there is none. */

@@ -10,35 +10,48 @@ import * as rest from "../api/rest";
 import {
   PROTOCOL_VERSION, type Camera, type CreateSession, type FrameHeader, type SceneFile, type ServerMessage,
 } from "../generated/proto";
-import { type Patch } from "../scene/mergePatch";
+import { deepEqual, type Patch } from "../scene/mergePatch";
+import { forAspect } from "../viewport/camera";
+import { CameraTrail } from "./cameraTrail";
 import { Connection } from "./connection";
 import { EditLog } from "./edits";
 import { FrameReceiver } from "./frames";
 import { Inputs, type ViewportSize } from "./inputs";
 import { Meters } from "./meters";
 import { decodeScene, parseAddress, sessionAddress } from "./shareLink";
-import { useSession, type SessionState } from "./store";
+import { reported, useSession, type SessionState } from "./store";
 import { SceneSync } from "./sync";
 import { loadView, saveView } from "./viewMemory";
+import { VolumeFacts } from "./volumeFacts";
+import { rootOf, wordsOf } from "./words";
 
 /** How often the readings in the status line change, milliseconds. */
 const READINGS_MILLIS = 250;
 /** Longest wait for the server to confirm the camera before a still is asked for, milliseconds. */
 const SETTLE_MILLIS = 3000;
+/** After this long without an input the view is at rest, milliseconds. */
+const REST_MILLIS = 250;
 
 type Presenter = (picture: ImageBitmap, header: FrameHeader) => void;
+
+const SESSION_EXPIRED =
+  "The session of this link has expired: a session ends when nobody has looked at it for some time. The first sample is shown instead; a shared scene (Copy a link) does not expire.";
 
 const set = (state: Partial<SessionState>): void => useSession.setState(state);
 
 class Engine {
   private sync: SceneSync | null = null;
   private edits = new EditLog();
+  /** Null until the server has greeted this connection. */
+  private cameras: CameraTrail | null = null;
+  private readonly volume = new VolumeFacts();
   private readonly meters = new Meters();
   private receiver: FrameReceiver<ImageBitmap> | null = null;
   /** The server has greeted this connection: inputs may be sent. */
   private welcomed = false;
   private presenter: Presenter | null = null;
   private settleWaiters: (() => void)[] = [];
+  private restTimer: number | undefined;
   /** Grows with every session that is asked for; answers to older wishes are dropped. */
   private wish = 0;
   private readonly connection = new Connection({
@@ -55,7 +68,8 @@ class Engine {
   private readonly inputs = new Inputs({
     scene: () => (this.welcomed ? this.sync : null),
     send: (message) => this.connection.send(message),
-    numbered: (seq) => this.meters.inputSent(seq, performance.now()),
+    numbered: (seq) => this.numbered(seq),
+    cameraSent: (seq, camera) => this.cameras?.sent(seq, camera),
   });
 
   /** Opens what the address asks for, else the first dataset the service offers. */
@@ -87,15 +101,15 @@ class Engine {
     return this.open({ scene });
   }
 
-  /** Edits the scene. Edits of one `key` in quick succession are one undo step. */
+  /** Edits the scene. Edits of one `key` in quick succession are one undo step; one that changes nothing is none. */
   edit(patch: Patch, key: string | null = null): void {
     const { sync } = this;
     if (!sync) return;
-    const before = sync.scene;
-    sync.edit(patch);
-    this.edits.edited(before, sync.scene, key, performance.now());
     const { fieldError, failure } = useSession.getState();
     if (fieldError && rootOf(fieldError.field) in patch) set({ fieldError: null });
+    const before = sync.scene;
+    if (!sync.edit(patch)) return;
+    this.edits.edited(before, sync.scene, key, performance.now());
     if (failure !== null) set({ failure: null });
     this.publishScene();
     this.inputs.schedule();
@@ -124,6 +138,12 @@ class Engine {
     this.inputs.moveCamera();
   }
 
+  /** Back to where the scene started. */
+  resetView(): void {
+    const { startCamera, startFits } = useSession.getState();
+    if (startCamera) this.moveCamera(startFits ? this.fitted(startCamera) : startCamera);
+  }
+
   resize(viewport: ViewportSize): void {
     this.inputs.resize(viewport);
   }
@@ -135,7 +155,7 @@ class Engine {
     if (!sessionId || !scene?.camera || !viewport || !this.sync) throw new Error("There is no picture yet.");
     // The server draws stills with the session's camera: make it this viewer's first.
     const camera = { orthographic_height: null, fov_y_degrees: null, ...scene.camera };
-    this.sync.edit({ camera });
+    this.sync.tell({ camera });
     this.inputs.schedule();
     await this.settled();
     const { width, height, pixel_ratio } = viewport;
@@ -212,6 +232,7 @@ class Engine {
     const session = await rest.createSession(request);
     if (wish !== this.wish) return;
     this.adopt(session.id, session.scene);
+    set({ startFits: request.dataset !== undefined });
     window.history[sessionId ? "pushState" : "replaceState"](null, "", sessionAddress(session.id));
     this.connection.connect(session.id);
   }
@@ -237,9 +258,10 @@ class Engine {
     this.forgetConnection();
     this.sync = scene ? new SceneSync(scene) : null;
     this.edits = new EditLog();
+    this.volume.forget();
     set({
-      sessionId: id, link: "connecting", retryAt: null, dataset: null, histogram: null, startCamera: null, report: null,
-      awaitingPicture: true, progress: null, failure: null, fieldError: null, canUndo: false, canRedo: false,
+      sessionId: id, link: "connecting", retryAt: null, startCamera: null, startFits: false, report: null, changeReport: null, pictureReport: null,
+      awaitingPicture: true, progress: null, notice: null, failure: null, fieldError: null, canUndo: false, canRedo: false,
       scene: scene ?? useSession.getState().scene,
     });
   }
@@ -257,6 +279,7 @@ class Engine {
     const scene = this.sync?.scene;
     if (!scene) {
       await this.openFirstDataset();
+      if (useSession.getState().sessionId) set({ notice: SESSION_EXPIRED });
       return;
     }
     try {
@@ -285,13 +308,14 @@ class Engine {
         break;
       case "scene":
         this.sync?.receive(message.seq, message.scene);
+        this.volume.scene(message.scene.volume);
         this.publishScene();
         break;
       case "rejected":
         this.rejected(message.seq, message.field, message.message);
         break;
       case "report":
-        set({ report: message.report });
+        set(reported(message.report));
         break;
       case "progress":
         set({ progress: message.fraction >= 1 ? null : { activity: message.activity, fraction: message.fraction } });
@@ -300,7 +324,7 @@ class Engine {
         set({ failure: message.message, progress: null });
         break;
       case "closing":
-        set({ failure: message.reason });
+        set({ failure: `The service closed the connection: ${message.reason}.` });
         break;
     }
     if (this.sync?.settled) this.settleWaiters.splice(0).forEach((done) => done());
@@ -313,20 +337,30 @@ class Engine {
     }
     this.welcomed = true;
     this.connection.succeeded();
-    const remembered = loadView(message.session);
+    const { startCamera, startFits } = useSession.getState();
     if (this.sync) this.sync.reattach(message.scene);
-    else this.sync = new SceneSync(remembered ? { ...message.scene, camera: remembered.camera } : message.scene);
-    const startCamera = useSession.getState().startCamera ?? remembered?.start ?? message.scene.camera ?? null;
-    const changed = message.dataset?.id !== useSession.getState().dataset?.id;
-    set({
-      link: "open", failure: null, retryAt: null, device: message.device, dataset: message.dataset, startCamera,
-      ...(changed ? { histogram: null } : {}),
-    });
-    if (changed && message.dataset) void this.loadHistogram(message.dataset.id);
+    else this.sync = new SceneSync(message.scene);
+    this.cameras = message.scene.camera ? new CameraTrail(message.scene.camera) : null;
+    this.volume.greeted(message.scene.volume, message.dataset);
+    set({ link: "open", failure: null, retryAt: null, device: message.device });
+    if (!startCamera && message.scene.camera) this.startAt(message.session, message.scene.camera, startFits);
     if (!useSession.getState().status) void this.refreshStatus();
     if (document.hidden) this.connection.send({ type: "visible", visible: false });
     this.publishScene();
     this.inputs.repeat();
+  }
+
+  /** The first greeting of a session: where its view starts, or where this page was before a reload. */
+  private startAt(session: string, camera: Camera, fits: boolean): void {
+    const remembered = loadView(session);
+    set({ startCamera: remembered?.start ?? camera, startFits: remembered?.startFits ?? fits });
+    if (remembered) this.sync?.moveCamera(remembered.camera);
+    else if (fits) this.sync?.moveCamera(this.fitted(camera));
+  }
+
+  private fitted(camera: Camera): Camera {
+    const { viewport } = this.inputs;
+    return viewport ? forAspect(camera, viewport.width / viewport.height) : camera;
   }
 
   private refuseProtocol(): void {
@@ -334,16 +368,9 @@ class Engine {
     set({ link: "failed", failure: "The service speaks another version of the protocol. Reload the page." });
   }
 
-  private async loadHistogram(id: string): Promise<void> {
-    try {
-      const histogram = await rest.getHistogram(id);
-      if (useSession.getState().dataset?.id === id) set({ histogram });
-    } catch (error) {
-      set({ fieldError: { field: "transfer_function", message: `The histogram did not arrive: ${wordsOf(error)}` } });
-    }
-  }
-
   private rejected(seq: number, field: string, message: string): void {
+    const refused = this.cameras?.refused(seq);
+    if (refused && deepEqual(refused.camera, this.sync?.scene.camera)) this.sync?.moveCamera(refused.before);
     if (this.sync?.reject(seq)) this.edits.refused(rootOf(field));
     set({ fieldError: { field, message } });
     this.publishScene();
@@ -364,7 +391,15 @@ class Engine {
   private showFrame(picture: ImageBitmap, header: FrameHeader): void {
     this.presenter?.(picture, header);
     this.meters.frameShown(header.seq, performance.now());
+    this.cameras?.shown(header.seq);
     set({ frame: header, awaitingPicture: false, progress: null });
+  }
+
+  private numbered(seq: number): void {
+    this.meters.inputSent(seq, performance.now());
+    if (useSession.getState().atRest) set({ atRest: false });
+    window.clearTimeout(this.restTimer);
+    this.restTimer = window.setTimeout(() => set({ atRest: true }), REST_MILLIS);
   }
 
   private settled(): Promise<void> {
@@ -386,15 +421,10 @@ class Engine {
   }
 
   private rememberView(): void {
-    const { sessionId, scene, startCamera } = useSession.getState();
-    if (sessionId && this.sync && scene?.camera && startCamera) saveView(sessionId, { camera: scene.camera, start: startCamera });
+    const { sessionId, scene, startCamera, startFits } = useSession.getState();
+    if (sessionId && this.sync && scene?.camera && startCamera) saveView(sessionId, { camera: scene.camera, start: startCamera, startFits });
   }
 }
-
-/** The member of the scene that a field path lies in. */
-export const rootOf = (field: string): string => /^[a-z_]*/.exec(field)?.[0] ?? "";
-
-export const wordsOf = (error: unknown): string => (error instanceof Error ? error.message : String(error));
 
 /** The page's session. */
 export const session = new Engine();

@@ -1,6 +1,6 @@
 /** What goes to the server: numbered, newest state only, at most once per animation frame. */
 
-import type { ClientMessage } from "../generated/proto";
+import type { Camera, ClientMessage } from "../generated/proto";
 import type { SceneSync } from "./sync";
 
 /** Inputs of a hidden page are sent this often, milliseconds: it gets no animation frames. */
@@ -21,6 +21,8 @@ export interface InputSink {
   send: (message: ClientMessage) => void;
   /** An input was numbered and is about to be sent. */
   numbered: (seq: number) => void;
+  /** Input `seq` is this camera. */
+  cameraSent: (seq: number, camera: Camera) => void;
 }
 
 export class Inputs {
@@ -79,7 +81,9 @@ export class Inputs {
     const { camera } = sync.scene;
     if (this.cameraMoved && camera) {
       this.cameraMoved = false;
-      this.sink.send({ type: "camera", seq: this.next(), camera });
+      const seq = this.next();
+      this.sink.cameraSent(seq, camera);
+      this.sink.send({ type: "camera", seq, camera });
     }
   }
 

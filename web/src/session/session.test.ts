@@ -1,7 +1,9 @@
 import { describe, expect, it } from "vitest";
-import type { Camera, SceneFile } from "../generated/proto";
+import { FLAG_FINAL, FLAG_MOVING, type Camera, type FrameHeader, type FrameReport, type SceneFile } from "../generated/proto";
+import { CameraTrail } from "./cameraTrail";
 import { Meters } from "./meters";
 import { asScene, base64urlFromBytes, bytesFromBase64url, decodeScene, encodeScene, parseAddress, sessionAddress } from "./shareLink";
+import { pictureState, reported } from "./store";
 import { SceneSync } from "./sync";
 
 const camera: Camera = { position: [0, 0, 2], target: [0, 0, 0], up: [0, 1, 0], fov_y_degrees: 40 };
@@ -90,6 +92,73 @@ describe("the scene between page and server", () => {
     expect(sync.scene.camera).toEqual(mine);
     expect(sync.scene.lights).toBe(lights);
     expect(sync.scene.density).toBe(9);
+  });
+});
+
+describe("an edit that changes nothing", () => {
+  it("is not sent", () => {
+    const sync = new SceneSync(scene);
+    expect(sync.edit({ transfer_function: structuredClone(scene.transfer_function) })).toBe(false);
+    expect(sync.edit({ clip: { box: null } })).toBe(false);
+    expect(sync.hasUnsent).toBe(false);
+    expect(sync.edit({ density: 2 })).toBe(true);
+    expect(sync.edit({ density: 2 })).toBe(false);
+    expect(sync.takeUnsent(counter())).toEqual([{ seq: 1, patch: { density: 2 } }]);
+  });
+
+  it("is sent where the server is to be told all the same", () => {
+    const sync = new SceneSync(scene);
+    sync.tell({ camera: scene.camera });
+    expect(sync.hasUnsent).toBe(true);
+  });
+});
+
+describe("a refused camera", () => {
+  const at = (z: number): Camera => ({ ...camera, position: [0, 0, z] });
+
+  it("leads back to the one before it", () => {
+    const trail = new CameraTrail(camera);
+    trail.sent(3, at(3));
+    trail.sent(5, at(5));
+    expect(trail.refused(5)).toEqual({ camera: at(5), before: at(3) });
+    expect(trail.refused(3)).toEqual({ camera: at(3), before: camera });
+  });
+
+  it("leads back to the newest one that was drawn", () => {
+    const trail = new CameraTrail(camera);
+    trail.sent(3, at(3));
+    trail.sent(4, at(4));
+    trail.shown(4);
+    trail.sent(7, at(7));
+    expect(trail.refused(7)?.before).toEqual(at(4));
+  });
+
+  it("is told from a refused edit", () => {
+    const trail = new CameraTrail(camera);
+    trail.sent(3, at(3));
+    expect(trail.refused(2)).toBeNull();
+  });
+});
+
+describe("the state of the picture", () => {
+  const moving = { link: "open", frame: { flags: FLAG_MOVING } as FrameHeader, awaitingPicture: false, progress: null } as const;
+
+  it("is moving only while inputs come", () => {
+    expect(pictureState({ ...moving, atRest: false })).toBe("moving");
+    expect(pictureState({ ...moving, atRest: true })).toBe("refining");
+    expect(pictureState({ ...moving, frame: { flags: FLAG_FINAL } as FrameHeader, atRest: true })).toBe("final");
+  });
+});
+
+describe("a report", () => {
+  const report: FrameReport = { changes: [], plan: [], stages: [], counters: {}, gpu_bytes: {} };
+  const stages = [{ stage: "ray cast", millis: 1 }];
+
+  it("replaces only what it tells of", () => {
+    const refined = { ...report, stages };
+    expect(reported(refined)).toEqual({ report: refined, pictureReport: refined });
+    const unseen = { ...report, changes: ["shadows of clipped matter"] };
+    expect(reported(unseen)).toEqual({ report: unseen, changeReport: unseen });
   });
 });
 

@@ -37,6 +37,8 @@ export interface SessionState {
   scene: SceneFile | null;
   /** Where the R key goes back to. */
   startCamera: Camera | null;
+  /** The start is a dataset's own view: it is drawn back until it fits a narrow viewport. */
+  startFits: boolean;
   canUndo: boolean;
   canRedo: boolean;
   link: LinkState;
@@ -46,9 +48,18 @@ export interface SessionState {
   frame: FrameHeader | null;
   /** The picture on screen, if any, belongs to the session before. */
   awaitingPicture: boolean;
+  /** The newest report. */
   report: FrameReport | null;
+  /** The newest report of a change: refining what it led to does not replace it. */
+  changeReport: FrameReport | null;
+  /** The newest report that came with a picture: a change that cannot be seen needs none. */
+  pictureReport: FrameReport | null;
   /** A long step under way on the server. */
   progress: { activity: string; fraction: number } | null;
+  /** No input has been sent for a moment. */
+  atRest: boolean;
+  /** Something to know about what is shown, in words. */
+  notice: string | null;
   /** What failed, in words; null when all is well. */
   failure: string | null;
   fieldError: FieldError | null;
@@ -63,6 +74,7 @@ export const useSession = create<SessionState>(() => ({
   histogram: null,
   scene: null,
   startCamera: null,
+  startFits: false,
   canUndo: false,
   canRedo: false,
   link: "idle",
@@ -70,18 +82,32 @@ export const useSession = create<SessionState>(() => ({
   frame: null,
   awaitingPicture: true,
   report: null,
+  changeReport: null,
+  pictureReport: null,
   progress: null,
+  atRest: true,
+  notice: null,
   failure: null,
   fieldError: null,
   readings: { latencyMillis: null, framesPerSecond: 0, megabitsPerSecond: 0 },
 }));
 
+/** What a report makes known: it may be of a change, of a picture, or of both. */
+export function reported(report: FrameReport): Partial<SessionState> {
+  return {
+    report,
+    ...(report.changes.length > 0 ? { changeReport: report } : {}),
+    ...(report.stages.length > 0 ? { pictureReport: report } : {}),
+  };
+}
+
 /** What the viewport shows, in one word; also its `data-state`. */
 export type PictureState = "loading" | "offline" | "moving" | "refining" | "final";
 
-export function pictureState({ link, frame, awaitingPicture, progress }: SessionState): PictureState {
+export function pictureState({ link, frame, awaitingPicture, progress, atRest }: Pick<SessionState, "link" | "frame" | "awaitingPicture" | "progress" | "atRest">): PictureState {
   if (link === "lost" || link === "failed") return "offline";
   if (!frame || awaitingPicture || progress) return "loading";
   if (frame.flags & FLAG_FINAL) return "final";
-  return frame.flags & FLAG_MOVING ? "moving" : "refining";
+  // At rest the reduced picture is what refining starts from.
+  return frame.flags & FLAG_MOVING && !atRest ? "moving" : "refining";
 }

@@ -7,7 +7,7 @@
  */
 
 import type { Camera, SceneFile } from "../generated/proto";
-import { applyPatch, composePatches, shareStructure, type Patch } from "../scene/mergePatch";
+import { applyPatch, composePatches, deepEqual, shareStructure, type Patch } from "../scene/mergePatch";
 
 interface Sent {
   seq: number;
@@ -26,8 +26,15 @@ export class SceneSync {
     this.scene = scene;
   }
 
-  /** An edit by this viewer. */
-  edit(patch: Patch): void {
+  /** An edit by this viewer; false, and nothing is sent, if the scene is so already. */
+  edit(patch: Patch): boolean {
+    if (deepEqual(applyPatch(this.scene, patch), this.scene)) return false;
+    this.tell(patch);
+    return true;
+  }
+
+  /** Sends a patch whether or not it changes what this viewer sees. */
+  tell(patch: Patch): void {
     this.scene = applyPatch(this.scene, patch);
     const last = this.unsent.at(-1);
     const composed = last && composePatches(last, patch);

@@ -6,6 +6,8 @@ export interface RememberedView {
   camera: Camera;
   /** Where the scene started. */
   start: Camera;
+  /** Whether that start is drawn back in narrow viewports. */
+  startFits?: boolean;
 }
 
 const keyOf = (session: string): string => `tyndall.view.${session}`;

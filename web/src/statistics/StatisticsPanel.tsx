@@ -4,36 +4,41 @@ import { IconButton } from "../app/controls";
 import { useUi } from "../app/uiStore";
 import { formatBytes } from "../datasets/format";
 import type { FrameHeader, FrameReport } from "../generated/proto";
-import { useSession } from "../session/store";
-import { formatCount, words } from "./figures";
+import { pictureState, useSession } from "../session/store";
+import { formatCount, headline, passesRun, stateInWords, words } from "./figures";
 
 export function StatisticsPanel() {
   const report = useSession((state) => state.report);
-  const frame = useSession((state) => state.frame);
+  const change = useSession((state) => state.changeReport);
+  const picture = useSession((state) => state.pictureReport);
+  const frame = useSession((session) => session.frame);
+  const samples = useSession((session) => session.scene?.sampling.samples_per_pixel ?? 1);
+  const state = stateInWords(useSession(pictureState), frame, samples);
   return (
     <aside className="statistics" data-testid="statistics">
       <header>
         <h2>Statistics</h2>
-        <span className="dim">{report && report.changes.length > 0 ? `Changed: ${report.changes.join(", ")}` : "Nothing changed since the picture before"}</span>
+        <span className="dim" data-testid="statistics-headline">{headline(change, report)}</span>
         <IconButton icon="close" label="Close" hotkey="I" testId="statistics-close" onClick={() => useUi.setState({ statisticsOpen: false })} />
       </header>
       <div className="statistics-columns">
         <section>
-          <h3>Plan</h3>
-          {report ? <Plan report={report} /> : <p className="hint">The first report comes with the next picture.</p>}
+          <h3>{change ? "What the last change made run" : "What ran for this picture"}</h3>
+          {report ? <Plan report={change ?? report} /> : <p className="hint">The first report comes with the next picture.</p>}
         </section>
         <section>
-          <h3>Time</h3>
-          {report && <Stages report={report} />}
+          <h3>Newest picture: {state}</h3>
+          {report && change && report !== change && <SinceThen report={report} />}
+          {picture && <Stages report={picture} />}
           {frame && <FrameFigures frame={frame} />}
         </section>
         <section>
-          <h3>Work</h3>
-          {report && <Table rows={Object.entries(report.counters).map(([name, count]) => [words(name), formatCount(count)])} testId="counters" />}
+          <h3>Its work</h3>
+          {picture && <Table rows={Object.entries(picture.counters).map(([name, count]) => [words(name), formatCount(count)])} testId="counters" />}
         </section>
         <section>
           <h3>Memory and device</h3>
-          {report && <Table rows={Object.entries(report.gpu_bytes).map(([name, bytes]) => [words(name), formatBytes(bytes)])} testId="memory" />}
+          {picture && <Table rows={Object.entries(picture.gpu_bytes).map(([name, bytes]) => [words(name), formatBytes(bytes)])} testId="memory" />}
           <Device />
         </section>
       </div>
@@ -56,6 +61,13 @@ function Plan({ report }: { report: FrameReport }) {
       </tbody>
     </table>
   );
+}
+
+/** Why the newest picture was made, where it is not the one that first showed the change. */
+function SinceThen({ report }: { report: FrameReport }) {
+  const done = passesRun(report);
+  if (done.length === 0) return <p className="hint" data-testid="since-then">Nothing had to run: the film was complete.</p>;
+  return <ul className="since-then" data-testid="since-then">{done.map((line) => <li key={line}>{line}</li>)}</ul>;
 }
 
 /** Stage times as a strip: widths are shares of the sum. */

@@ -1,35 +1,46 @@
 /** The product's promise on one line: state, error, latency, bandwidth, what was saved. */
 
 import { useUi } from "../app/uiStore";
-import { pictureState, useSession } from "../session/store";
+import { pictureState, useSession, type PictureState } from "../session/store";
 import { skippedShare, stateInWords } from "./figures";
 
 export function StatusLine() {
   const state = useSession(pictureState);
   const frame = useSession((session) => session.frame);
   const samples = useSession((session) => session.scene?.sampling.samples_per_pixel ?? 1);
-  const skipped = useSession((session) => skippedShare(session.report));
+  const skipped = useSession((session) => skippedShare(session.pictureReport));
   const software = useSession((session) => session.device?.software ?? session.status?.device.software ?? false);
   const { latencyMillis, framesPerSecond, megabitsPerSecond } = useSession((session) => session.readings);
+  const open = useUi((ui) => ui.statisticsOpen);
   const error = frame && Number.isFinite(frame.error_estimate) ? frame.error_estimate : null;
   return (
-    <button type="button" className="status-line" title="Statistics" data-testid="status-line" onClick={() => useUi.setState((ui) => ({ statisticsOpen: !ui.statisticsOpen }))}>
-      <span className="status-state" data-testid="status-state" data-state={state}><i data-state={state} />{stateInWords(state, frame, samples)}</span>
+    <button type="button" className="status-line" aria-expanded={open} title="Statistics: what was done for this picture (I)" data-testid="status-line" onClick={() => useUi.setState({ statisticsOpen: !open })}>
+      <span className="status-state" data-testid="status-state" data-state={state} title={stateHint[state]}><i data-state={state} />{stateInWords(state, frame, samples)}</span>
       {software && <span className="status-software" data-testid="status-software" title="No GPU: a software device draws, at reduced resolution while moving">software device</span>}
-      <span className="status-gap" />
-      <Figure label="error" value={error === null ? "–" : `${(error * 100).toFixed(1)} %`} width={88} testId="status-error" />
-      <Figure label="input to picture" value={latencyMillis === null ? "–" : `${Math.round(latencyMillis)} ms`} width={150} testId="status-latency" />
-      <Figure label="fps" value={framesPerSecond.toFixed(0)} width={46} testId="status-fps" />
-      <Figure label="Mbit/s" value={megabitsPerSecond.toFixed(1)} width={78} testId="status-bandwidth" />
-      <Figure label="samples skipped" value={skipped === null ? "–" : `${Math.round(skipped * 100)} %`} width={138} testId="status-skipped" />
-      <Figure label="" value={frame ? `${frame.width} × ${frame.height}` : "–"} width={84} testId="status-resolution" />
+      {/* Most important first: what has no room goes to a second row, which is not seen. */}
+      <span className="status-figures">
+        {error !== null && <Figure label="error" hint="Estimated error of the picture" value={`${(error * 100).toFixed(1)} %`} width={88} testId="status-error" />}
+        <Figure label="input to picture" hint="Time from what you do to the picture that shows it; median of the last inputs" value={latencyMillis === null ? "–" : `${Math.round(latencyMillis)} ms`} width={150} testId="status-latency" />
+        <Figure label="samples skipped" hint="Share of the samples on view rays that lie in empty space and cost nothing" value={skipped === null ? "–" : `${Math.round(skipped * 100)} %`} width={138} testId="status-skipped" />
+        <Figure label="" hint="Pixels of the picture on screen" value={frame ? `${frame.width} × ${frame.height}` : "–"} width={84} testId="status-resolution" />
+        <Figure label="Mbit/s" hint="Received in the last seconds" value={megabitsPerSecond.toFixed(1)} width={78} testId="status-bandwidth" />
+        <Figure label="fps" hint="Pictures per second, in the last seconds" value={framesPerSecond.toFixed(0)} width={46} testId="status-fps" />
+      </span>
     </button>
   );
 }
 
-function Figure({ label, value, width, testId }: { label: string; value: string; width: number; testId: string }) {
+const stateHint: Record<PictureState, string> = {
+  loading: "The first picture of this scene is being made",
+  offline: "There is no connection to the service",
+  moving: "Reduced pictures follow what you do",
+  refining: "At rest: the picture gets finer by itself",
+  final: "All samples are taken; the picture was sent without loss",
+};
+
+function Figure({ label, hint, value, width, testId }: { label: string; hint: string; value: string; width: number; testId: string }) {
   return (
-    <span className="figure" style={{ width }} data-testid={testId}>
+    <span className="figure" style={{ width }} title={hint} data-testid={testId}>
       <b>{value}</b>
       {label !== "" && <span>{label}</span>}
     </span>

@@ -22,6 +22,16 @@ export function skippedShare(report: FrameReport | null): number | null {
   return skipped / (skipped + taken);
 }
 
+/** What the statistics put first: what the last change was, or why the first picture was drawn. */
+export function headline(change: FrameReport | null, newest: FrameReport | null): string {
+  if (change) return `Last change: ${change.changes.join(", ")}`;
+  return newest ? "Nothing has been changed yet" : "No picture yet";
+}
+
+/** The passes that ran, each with its reason. */
+export const passesRun = ({ plan }: FrameReport): string[] =>
+  plan.filter((pass) => pass.runs).map((pass) => `${words(pass.pass)}: ${pass.reason}`);
+
 /** A count in few characters: 1234567 gives 1.23 M. */
 export function formatCount(count: number): string {
   const units = ["", " k", " M", " G", " T"];

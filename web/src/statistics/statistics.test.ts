@@ -1,7 +1,7 @@
 import { describe, expect, it } from "vitest";
 import type { FrameHeader, FrameReport, Light } from "../generated/proto";
 import { shortcoming } from "../quality/methods";
-import { formatCount, skippedShare, stateInWords } from "./figures";
+import { formatCount, headline, passesRun, skippedShare, stateInWords } from "./figures";
 
 const frame = { samples_per_pixel: 3, width: 640, height: 360, viewport_width: 640, viewport_height: 360 } as FrameHeader;
 const report = (counters: Record<string, number>): FrameReport => ({ changes: [], plan: [], stages: [], counters, gpu_bytes: {} });
@@ -24,6 +24,20 @@ describe("the status line", () => {
 
   it("writes counts short", () => {
     expect([7, 999, 1234, 1_234_567].map(formatCount)).toEqual(["7", "999", "1.23 k", "1.23 M"]);
+  });
+});
+
+describe("the statistics", () => {
+  const pass = { pass: "ray_cast", reason: "image size is now 4 x 4", work: 16, unit: "pixel samples" };
+  const refined: FrameReport = { ...report({}), plan: [{ ...pass, runs: true }, { ...pass, pass: "upload_volume", runs: false }] };
+
+  it("keep naming the last change while the picture is refined", () => {
+    expect(headline({ ...refined, changes: ["exposure", "camera"] }, refined)).toBe("Last change: exposure, camera");
+    expect(headline(null, refined)).toContain("Nothing has been changed");
+  });
+
+  it("say what ran, and why", () => {
+    expect(passesRun(refined)).toEqual(["ray cast: image size is now 4 x 4"]);
   });
 });
 

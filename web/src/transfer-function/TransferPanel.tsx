@@ -1,6 +1,6 @@
 /** The transfer function: editor, presets, the selected point, window and density. */
 
-import { SegmentedControl, Tooltip } from "@mantine/core";
+import { SegmentedControl } from "@mantine/core";
 import { useMemo, useState, type ReactNode } from "react";
 import { NumberField, Row, Section, SliderField } from "../app/controls";
 import { useUi } from "../app/uiStore";
@@ -41,20 +41,18 @@ export function TransferPanel({ editCost }: {
     >
       <Editor key={dataset?.id} points={points} histogram={histogram} range={range} onNumbers={() => setFocusRequest((n) => n + 1)} />
       <div className="tf-cost-slot" data-testid="tf-edit-cost">{editCost}</div>
-      <div className="tf-scales">
-        <Tooltip label="Height of the histogram">
-          <SegmentedControl fullWidth value={log ? "log" : "linear"} data={[{ value: "log", label: "Log counts" }, { value: "linear", label: "Linear" }]} onChange={(value) => useUi.setState({ logHistogram: value === "log" })} data-testid="tf-histogram-scale" />
-        </Tooltip>
-        <Tooltip label="Opacity axis: linear, or spread near zero">
-          <SegmentedControl fullWidth value={axis} data={[{ value: "linear", label: "Opacity" }, { value: "power", label: "Near zero" }]} onChange={(value) => useUi.setState({ opacityAxis: value === "power" ? "power" : "linear" })} data-testid="tf-opacity-axis" />
-        </Tooltip>
-      </div>
+      <Row label="Histogram" hint="Grey columns: how many voxels have each value; logarithmic shows rare values, too">
+        <SegmentedControl className="row-choice" value={log ? "log" : "linear"} data={[{ value: "log", label: "Logarithmic" }, { value: "linear", label: "Linear" }]} onChange={(value) => useUi.setState({ logHistogram: value === "log" })} data-testid="tf-histogram-scale" />
+      </Row>
+      <Row label="Opacity axis" hint="Height of the points: even, or with more room for small opacities">
+        <SegmentedControl className="row-choice" value={axis} data={[{ value: "power", label: "Spread near 0" }, { value: "linear", label: "Linear" }]} onChange={(value) => useUi.setState({ opacityAxis: value === "power" ? "power" : "linear" })} data-testid="tf-opacity-axis" />
+      </Row>
       <PointFields points={points} range={range} focusRequest={focusRequest} />
       <SliderField label="Density" hint="Multiplies the extinction of every point" value={density} min={0} max={MAX_DENSITY} sliderMax={SLIDER_DENSITY} step={0.05} toSlider={Math.sqrt} fromSlider={(x) => x * x} testId="density" onChange={(value) => session.edit({ density: value }, "density")} />
       <Row label="Window" hint="Data values at the ends of the transfer function">
         <NumberField label="Window from" value={range[0]} max={range[1]} digits={6} width={78} step={(range[1] - range[0]) / 100} testId="window-low" onChange={(low) => session.edit({ value_range: [low, range[1]] }, "window")} />
         <NumberField label="Window to" value={range[1]} min={range[0]} digits={6} width={78} step={(range[1] - range[0]) / 100} testId="window-high" onChange={(high) => session.edit({ value_range: [range[0], high] }, "window")} />
-        {window && <button type="button" className="text-button" onClick={() => session.edit({ value_range: null })} data-testid="window-reset">All</button>}
+        {window && <button type="button" className="text-button" title="All values of the data" onClick={() => session.edit({ value_range: null })} data-testid="window-reset">All</button>}
       </Row>
     </Section>
   );

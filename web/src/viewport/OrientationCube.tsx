@@ -7,6 +7,8 @@ import { standardViews } from "./views";
 
 /** Half the cube's edge, CSS pixels. */
 const HALF = 19;
+/** Cosine to the viewer below which a face is too narrow for its letter. */
+const LETTER_MIN_FACING = 0.45;
 
 export function OrientationCube() {
   const camera = useSession((state) => state.scene?.camera);
@@ -35,7 +37,7 @@ export function OrientationCube() {
             data-testid={`cube-${view.name}`}
             onClick={() => lookAt(view)}
           >
-            {view.letter}
+            {z[2] > LETTER_MIN_FACING && view.letter}
           </button>
         );
       })}

@@ -4,6 +4,7 @@ import { useEffect, useRef, useState } from "react";
 import { IconButton } from "../app/controls";
 import { saveStill } from "../app/files";
 import { sayError } from "../app/say";
+import { useDatasets } from "../datasets/store";
 import { LightHandle } from "../lights/LightHandle";
 import { session } from "../session/engine";
 import { pictureState, useSession } from "../session/store";
@@ -89,6 +90,9 @@ function LoadingMark() {
   const progress = useSession((state) => state.progress);
   const link = useSession((state) => state.link);
   const failure = useSession((state) => state.failure);
+  const notice = useSession((state) => state.notice);
+  // The picture before stays while a dataset is being opened.
+  const opening = useDatasets((state) => state.list.find(({ id }) => id === state.opening)?.name ?? null);
   const waiting = useSession((state) => state.awaitingPicture);
   const retryAt = useSession((state) => state.retryAt);
   const seconds = useCountdown(retryAt);
@@ -114,12 +118,20 @@ function LoadingMark() {
       </div>
     );
   }
-  if (!progress && !waiting) return null;
+  if (notice !== null && !progress && !waiting && opening === null) {
+    return (
+      <div className="mark mark-offline" role="status" data-testid="notice-mark">
+        <span>{notice}</span>
+        <button type="button" className="text-button" onClick={() => useSession.setState({ notice: null })} data-testid="notice-dismiss">Dismiss</button>
+      </div>
+    );
+  }
+  if (!progress && !waiting && opening === null) return null;
   const fraction = progress && progress.fraction >= 0 ? progress.fraction : null;
   return (
     <div className="mark" role="status" data-testid="loading-mark">
       <span className="mark-pulse" />
-      <span>{progress?.activity ?? "Opening"}</span>
+      <span>{progress?.activity ?? (opening === null ? "Opening" : `Opening ${opening}`)}</span>
       {fraction !== null && <span className="number">{Math.round(fraction * 100)} %</span>}
     </div>
   );

@@ -32,10 +32,7 @@ export function lookAtNumber(number: number): void {
   if (view) lookAt(view);
 }
 
-export function resetView(): void {
-  const { startCamera, dataset } = useSession.getState();
-  session.moveCamera(startCamera ?? defaultCamera(dataset));
-}
+export const resetView = (): void => session.resetView();
 
 export function toggleProjection(): void {
   const camera = currentCamera();

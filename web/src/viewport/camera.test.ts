@@ -3,7 +3,7 @@ import type { Camera } from "../generated/proto";
 import { dot, length, sub, type Triple } from "../scene/vec";
 import {
   frameOf, fromView, heightAtPivot, lookFrom, nearestAxis, orbit, pan, project, recentre, toOrthographic,
-  toPerspective, toView, zoom,
+  toPerspective, toView, zoom, forAspect,
 } from "./camera";
 import { scaleBar, unitsPerWorld } from "./scaleBar";
 import { standardViews } from "./views";
@@ -95,6 +95,26 @@ describe("projection", () => {
 
   it("hides what is behind the eye", () => {
     expect(project(start, [0, 0, 3])).toBeNull();
+  });
+});
+
+describe("a narrow viewport", () => {
+  const corners = [-0.5, 0.5].flatMap((x) => [-0.5, 0.5].flatMap((y) => [-0.5, 0.5].map((z): Triple => [x, y, z])));
+  const overview: Camera = { ...start, position: [0, 0, 2.2] };
+
+  it.each([0.4, 0.89, 1, 2])("shows the whole box at aspect %f", (aspect) => {
+    for (const camera of [overview, toOrthographic(overview)].map((view) => forAspect(view, aspect))) {
+      for (const corner of corners) {
+        const [x, y] = project(camera, corner) ?? [NaN, NaN];
+        expect(Math.abs(x)).toBeLessThan(aspect / 2);
+        expect(Math.abs(y)).toBeLessThan(0.5);
+      }
+    }
+  });
+
+  it("leaves wide viewports as they are", () => {
+    expect(forAspect(overview, 1.7)).toBe(overview);
+    expect(forAspect(overview, NaN)).toBe(overview);
   });
 });
 

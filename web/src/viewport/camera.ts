@@ -97,6 +97,17 @@ export function zoom(camera: Camera, factor: number, x: number, y: number): Came
 /** Moves the pivot to `target` without turning the view. */
 export const recentre = (camera: Camera, target: Triple): Camera => shift(camera, sub(target, camera.target));
 
+/**
+ * The view for a viewport of this shape (width / height). The angle of view is vertical: a narrow
+ * viewport sees less to the sides, so the eye goes back until it sees all that a square one would.
+ */
+export function forAspect(camera: Camera, aspect: number): Camera {
+  if (!(aspect > 0 && aspect < 1)) return camera;
+  if (camera.orthographic_height !== undefined) return { ...camera, orthographic_height: camera.orthographic_height / aspect };
+  const { back, distance } = frameOf(camera);
+  return { ...camera, position: add(camera.target, scale(back, distance / aspect)) };
+}
+
 function shift(camera: Camera, by: Triple): Camera {
   return { ...camera, position: add(camera.position, by), target: add(camera.target, by) };
 }
