@@ -63,6 +63,9 @@ pub struct SceneFile {
     /// Sampling of view rays and pixels.
     #[serde(default)]
     pub sampling: Sampling,
+    /// What is drawn: matter in light, or a measure of the values along each ray.
+    #[serde(default)]
+    pub rendering: Rendering,
     /// From linear radiance to the picture on screen; does not touch float output.
     #[serde(default)]
     pub film: Film,
@@ -817,6 +820,55 @@ pub struct Sampling {
     pub interpolation: Interpolation,
 }
 
+/// What is drawn.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, TS, ToSchema)]
+#[serde(deny_unknown_fields, default)]
+#[ts(optional_fields)]
+pub struct Rendering {
+    /// What a pixel shows.
+    pub mode: RenderingMode,
+    /// Data value of the isosurface; the middle of the value range if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub isovalue: Option<f64>,
+    /// The plane that `slice` shows.
+    pub slice: SlicePlane,
+}
+
+/// What a pixel shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize, TS, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum RenderingMode {
+    /// Matter of the transfer function, in light.
+    #[default]
+    Volume,
+    /// The largest value on the ray, as a grey of the value range.
+    Maximum,
+    /// The smallest value on the ray, as a grey of the value range.
+    Minimum,
+    /// The mean value along the ray, as a grey of the value range.
+    Average,
+    /// The first place on the ray that has the isovalue, as an opaque surface in light.
+    Isosurface,
+    /// The value where the ray meets a plane, as a grey of the value range.
+    Slice,
+}
+
+/// The points with `dot(normal, x) = offset`, world.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, TS, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SlicePlane {
+    /// Normalised on use.
+    pub normal: [f64; 3],
+    /// World units from the centre of the volume.
+    pub offset: f64,
+}
+
+impl Default for SlicePlane {
+    fn default() -> Self {
+        Self { normal: [0.0, 0.0, 1.0], offset: 0.0 }
+    }
+}
+
 /// How the linear filter's weights are computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize, TS, ToSchema)]
 #[serde(rename_all = "snake_case")]
@@ -897,6 +949,7 @@ impl SceneFile {
             scattering: Scattering::default(),
             illumination: Illumination::default(),
             sampling: Sampling::default(),
+            rendering: Rendering::default(),
             film: Film::default(),
             image: ImageSize::default(),
         }

@@ -38,6 +38,11 @@ pub(crate) fn scene(scene: &SceneFile) -> Checked {
     within("sampling.step_voxels", sampling.step_voxels, 1.0 / 16.0, 8.0)?;
     within("sampling.samples_per_pixel", f64::from(sampling.samples_per_pixel), 1.0, 4096.0)?;
     within("sampling.termination_transmittance", sampling.termination_transmittance, 0.0, 0.5)?;
+    if let Some(value) = scene.rendering.isovalue {
+        within("rendering.isovalue", value, -MAX_MAGNITUDE, MAX_MAGNITUDE)?;
+    }
+    direction("rendering.slice.normal", &scene.rendering.slice.normal)?;
+    within("rendering.slice.offset", scene.rendering.slice.offset, -MAX_MAGNITUDE, MAX_MAGNITUDE)?;
     within("film.exposure_stops", scene.film.exposure_stops, -20.0, 20.0)?;
     within("image.width", f64::from(scene.image.width), 1.0, f64::from(MAX_IMAGE_EDGE))?;
     within("image.height", f64::from(scene.image.height), 1.0, f64::from(MAX_IMAGE_EDGE))

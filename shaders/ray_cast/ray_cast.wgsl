@@ -13,16 +13,20 @@
 @group(0) @binding(5) var<storage, read_write> film: array<vec4f>;
 // Pairs of low and high words: samples (steps) taken, skipped, on the lattice; parts with matter.
 @group(0) @binding(6) var<storage, read_write> counters: array<atomic<u32>>;
-@group(0) @binding(9) var distance_map: texture_3d<u32>;
 
+// What a pixel shows.
+override MODE: u32 = 0u;
+const VOLUME = 0u;
+const MAXIMUM = 1u;
+const MINIMUM = 2u;
+const AVERAGE = 3u;
+const ISOSURFACE = 4u;
+const SLICE = 5u;
 // Gradients are needed: some material has a surface and there is light.
 override SHADED: bool = true;
 // Some matter emits.
 override EMISSIVE: bool = true;
 
-const MACROCELL_EDGE = 4.0;
-// A leap lands this far (world units) before the border it aims at: rounding in t.
-const LEAP_MARGIN_WORLD = 2e-6;
 // Keeps a quotient of extinctions finite.
 const SMALLEST_EXTINCTION = 1e-30;
 
@@ -38,7 +42,7 @@ fn ray_cast(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_
     let inside = id.x < frame.image.x && id.y < frame.row_count;
     let column = min(id.x, frame.image.x - 1u);
     let pixel = vec2u(column, frame.first_row + min(id.y, frame.row_count - 1u));
-    let radiance = integrate(camera_ray(vec2f(pixel) + frame.subpixel), &counts);
+    let radiance = seen(camera_ray(vec2f(pixel) + frame.subpixel), &counts);
     if inside {
         let index = pixel.y * frame.image.x + pixel.x;
         if steering(frame.sample_index) == 0u {
@@ -66,23 +70,21 @@ fn add_to_counter(counter: u32, amount: u32) {
     }
 }
 
-fn integrate(eye_ray: Ray, counts: ptr<function, vec4u>) -> vec3f {
-    let enter = max(box_interval(eye_ray, -0.5 * frame.size_world, 0.5 * frame.size_world).x, 0.0);
-    // From the box on, so that a distant eye costs no precision.
-    let ray = Ray(eye_ray.origin + enter * eye_ray.direction, eye_ray.direction);
-    let chord = box_interval(ray, -0.5 * frame.size_world, 0.5 * frame.size_world).y;
-    if !(chord > 0.0) { return frame.background; }
-    let steps = ceil(chord / frame.step_world);
-    let kept = clip_interval(ray, vec2f(0.0, chord));
-    if !(kept.y > kept.x) { return frame.background; }
-    let lattice = Lattice(chord / steps, frame.lattice_shift, kept);
-    var k = max(floor(index_at(lattice, kept.x)), 0.0);
-    let end = min(ceil(index_at(lattice, kept.y)), steps + 1.0);
-    (*counts).z += u32(max(end - k, 0.0));
+fn seen(eye_ray: Ray, counts: ptr<function, vec4u>) -> vec3f {
+    let way = way_of(eye_ray);
+    if !way.meets { return frame.background; }
+    (*counts).z += u32(max(way.end - way.first, 0.0));
+    if MODE == VOLUME { return integrate(way, counts); }
+    if MODE == ISOSURFACE { return isosurface(way, counts); }
+    return values(way, counts);
+}
 
+fn integrate(way: Way, counts: ptr<function, vec4u>) -> vec3f {
+    let ray = way.ray;
     let w_o = -ray.direction;
     var transmittance = 1.0;
     var radiance = vec3f(0.0);
+    var k = way.first;
     // The first lattice point whose macrocell has not been looked up yet.
     var unknown = k;
     // What is left of step k: from `near`, on the lattice or where the field crosses a control
@@ -91,25 +93,17 @@ fn integrate(eye_ray: Ray, counts: ptr<function, vec4u>) -> vec3f {
     var far = FieldPoint();
     var near_is_known = false;
     var within_step = false;
-    while k < end {
+    while k < way.end {
         if !within_step {
-            let t = distance_at(lattice, k);
-            if steering(frame.skip_empty) == 1u && k >= unknown {
-                let uvw = uvw_at(ray, t);
-                let distance = cell_distance(uvw);
-                let leave = index_at(lattice, block_end(ray, uvw, max(distance, 1.0)));
-                if distance == 0.0 {
-                    // This cell holds matter: no look-up until the ray has left it.
-                    unknown = ceil(leave);
-                } else if floor(leave) > k {
-                    let next = min(floor(leave), end);
-                    (*counts).y += u32(next - k);
-                    k = next;
-                    near_is_known = false;
-                    continue;
-                }
+            let next = leap(way, k, &unknown);
+            if next > k {
+                (*counts).y += u32(next - k);
+                k = next;
+                near_is_known = false;
+                continue;
             }
-            let next_t = distance_at(lattice, k + 1.0);
+            let t = distance_at(way, k);
+            let next_t = distance_at(way, k + 1.0);
             if FILTER == 2u {
                 // Not interpolated: one voxel's matter for the whole step.
                 far = field_at(ray, 0.5 * (t + next_t));
@@ -170,26 +164,6 @@ fn share_at_depth(near_share: f32, depth: f32) -> f32 {
     return depth / max(near_share + root, 1e-10);
 }
 
-// Points (k - shift) * step, k = 0, 1, ..., cut to what is kept of the ray; step k lies
-// between the points k and k + 1.
-struct Lattice {
-    step: f32,
-    shift: f32,
-    kept: vec2f,
-}
-
-fn distance_at(lattice: Lattice, k: f32) -> f32 {
-    return clamp((k - lattice.shift) * lattice.step, lattice.kept.x, lattice.kept.y);
-}
-
-fn index_at(lattice: Lattice, t: f32) -> f32 {
-    return t / lattice.step + lattice.shift;
-}
-
-fn uvw_at(ray: Ray, t: f32) -> vec3f {
-    return (ray.origin + t * ray.direction) / frame.size_world + 0.5;
-}
-
 struct FieldPoint {
     t: f32,
     s: f32,
@@ -227,20 +201,4 @@ fn first_part(near: FieldPoint, far: FieldPoint) -> Part {
         end.extinction = TableEntry(0.0, piece, true);
     }
     return Part(end, ends_step, vec2f(sigma_t_in(piece, near.s), sigma_t_in(piece, end.s)), piece);
-}
-
-// Cells to the nearest cell with matter, 0 in such a cell.
-fn cell_distance(uvw: vec3f) -> f32 {
-    let cells = vec3i(textureDimensions(distance_map));
-    let cell = vec3i(floor(uvw * frame.voxels / MACROCELL_EDGE));
-    return f32(textureLoad(distance_map, clamp(cell, vec3i(0), cells - 1), 0).x);
-}
-
-// Distance at which the ray leaves the block of cells closer than `distance` to the cell at uvw.
-fn block_end(ray: Ray, uvw: vec3f, distance: f32) -> f32 {
-    let cell = floor(uvw * frame.voxels / MACROCELL_EDGE);
-    let world_from_cell = MACROCELL_EDGE * frame.size_world / frame.voxels;
-    let low = (cell - (distance - 1.0)) * world_from_cell - 0.5 * frame.size_world;
-    let high = (cell + distance) * world_from_cell - 0.5 * frame.size_world;
-    return box_interval(ray, low, high).y - LEAP_MARGIN_WORLD;
 }

@@ -43,6 +43,8 @@ struct Frame {
     lattice_shift: f32,
     // Samples per pixel the film holds before this pass.
     sample_index: u32,
+    // Slice: the points with dot(xyz, x) = w. Isosurface: w is its s, not clamped.
+    surface: vec4f,
     // Each keeps dot(xyz, x) >= w; unit normals.
     planes: array<vec4f, 8>,
 }

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use proto::scene_file::{Filter, Interpolation};
-use scene::Scene;
+use scene::{Rendering, Scene};
 
 use crate::gpu::Gpu;
 use crate::shaders;
@@ -19,6 +19,8 @@ pub const WORKGROUP_EDGE: u32 = 8;
 pub struct Variant {
     /// 0 hardware trilinear, 1 f32 trilinear, 2 nearest; `FILTER` in the shader.
     pub filter: u32,
+    /// What a pixel shows; `MODE` in the shader.
+    pub mode: u32,
     /// Gradients are needed.
     pub shaded: bool,
     /// Some matter emits.
@@ -37,8 +39,19 @@ impl Variant {
                 Filter::Linear if texture.filterable && hardware => 0,
                 Filter::Linear => 1,
             },
-            shaded: !scene.lights.is_empty() && points.iter().any(in_use),
-            emissive: points.iter().any(|point| point.emission.max_element() > 0.0),
+            mode: match scene.rendering {
+                Rendering::Volume => 0,
+                Rendering::Maximum => 1,
+                Rendering::Minimum => 2,
+                Rendering::Average => 3,
+                Rendering::Isosurface { .. } => 4,
+                Rendering::Slice { .. } => 5,
+            },
+            shaded: scene.rendering == Rendering::Volume
+                && !scene.lights.is_empty()
+                && points.iter().any(in_use),
+            emissive: scene.rendering == Rendering::Volume
+                && points.iter().any(|point| point.emission.max_element() > 0.0),
         }
     }
 }
@@ -91,6 +104,7 @@ impl RayCaster {
                 compilation_options: wgpu::PipelineCompilationOptions {
                     constants: &[
                         ("FILTER", f64::from(variant.filter)),
+                        ("MODE", f64::from(variant.mode)),
                         ("SHADED", flag(variant.shaded)),
                         ("EMISSIVE", flag(variant.emissive)),
                     ],

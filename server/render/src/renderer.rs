@@ -6,10 +6,10 @@ use std::time::{Duration, Instant};
 
 use proto::FieldError;
 use proto::plan::{FrameReport, StageTime};
-use proto::scene_file::Method;
+use proto::scene_file::{Method, ToneMapping};
 use scene::distance::distance_map;
 use scene::plan::{FilmPlan, Pass, Plan, Target};
-use scene::{Scene, Snapshot};
+use scene::{Rendering, Scene, Snapshot};
 
 use crate::error::RenderError;
 use crate::film::ToneMapper;
@@ -223,8 +223,13 @@ impl Renderer {
             *shown == held && film.rows == 0 && snapshot.scene.film == film.snapshot.scene.film
         });
         if !current {
-            let settings = &film.snapshot.scene.film;
-            self.tone_mapper.run(&buffers.film, &buffers.picture, pixels as u32, settings);
+            let scene = &film.snapshot.scene;
+            let mut settings = scene.film.clone();
+            if !scene.rendering.is_lit() {
+                // Greys of values are not light: shown as they are.
+                settings.tone_mapping = ToneMapping::Linear;
+            }
+            self.tone_mapper.run(&buffers.film, &buffers.picture, pixels as u32, &settings);
         }
         let rgba = self.gpu.read_buffer(&buffers.picture, pixels * PICTURE_PIXEL_BYTES)?;
         // A film in the middle of a pass will have changed by the next call.
@@ -347,7 +352,7 @@ impl Renderer {
 
     fn distance_map(&self, scene: &Scene) -> Result<wgpu::TextureView, RenderError> {
         let cells = &scene.volume.macrocells;
-        let distances = distance_map(cells.dims, cells.masks(scene.filter), scene.bins_with_matter());
+        let distances = distance_map(cells.dims, cells.masks(scene.filter), scene.bins_in_view());
         let [width, height, depth] = cells.dims.map(|n| n as u32);
         let size = wgpu::Extent3d { width, height, depth_or_array_layers: depth };
         let dimension = wgpu::TextureDimension::D3;
@@ -566,6 +571,19 @@ fn sample_position(index: u32) -> ([f32; 2], f32) {
     ([part(1, 0.5), part(2, 0.5)], part(3, 0.0))
 }
 
+/// `surface` of the frame uniform.
+fn surface(scene: &Scene) -> [f32; 4] {
+    match scene.rendering {
+        Rendering::Slice { normal, offset } => normal.extend(offset).as_vec4().to_array(),
+        Rendering::Isosurface { value } => {
+            let [low, high] = scene.value_range;
+            let s = if high > low { (value - low) / (high - low) } else { f64::MAX };
+            [0.0, 0.0, 0.0, s.clamp(-1e30, 1e30) as f32]
+        }
+        _ => [0.0; 4],
+    }
+}
+
 fn frame_uniform(scene: &Scene, texture: &VolumeTexture, film: &FilmCache) -> FrameUniform {
     use scene::camera::Projection;
     let camera = &scene.camera;
@@ -605,6 +623,7 @@ fn frame_uniform(scene: &Scene, texture: &VolumeTexture, film: &FilmCache) -> Fr
         subpixel: [0.5; 2],
         lattice_shift: 0.0,
         sample_index: 0,
+        surface: surface(scene),
         planes,
     }
 }

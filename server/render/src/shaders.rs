@@ -15,6 +15,9 @@ pub const RAY_CAST: &str = parts!(
     "shared/brdf.wgsl",
     "shared/light.wgsl",
     "local/local.wgsl",
+    "ray_cast/way.wgsl",
+    "ray_cast/values.wgsl",
+    "ray_cast/isosurface.wgsl",
     "ray_cast/ray_cast.wgsl",
 );
 

@@ -37,6 +37,7 @@ pub struct FrameUniform {
     pub subpixel: [f32; 2],
     pub lattice_shift: f32,
     pub sample_index: u32,
+    pub surface: [f32; 4],
     pub planes: [[f32; 4]; MAX_PLANES],
 }
 
@@ -127,6 +128,7 @@ pub fn layouts() -> Vec<Layout> {
                 subpixel,
                 lattice_shift,
                 sample_index,
+                surface,
                 planes,
             }
         ),

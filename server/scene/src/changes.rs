@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use crate::light::Light;
+use crate::rendering::Rendering;
 use crate::scene::Scene;
 
 /// What happened to one light.
@@ -38,7 +39,13 @@ pub struct Changes {
     pub orders: bool,
     /// Illumination method.
     pub method: bool,
-    /// Step length or termination of view rays.
+    /// What a pixel shows.
+    pub rendering: bool,
+    /// Data values at both ends of the grey scale.
+    pub value_range: bool,
+    /// Albedo or material of the isosurface.
+    pub isosurface: bool,
+    /// Step length, termination or interpolation of view rays.
     pub ray_sampling: bool,
     /// Exposure or tone mapping.
     pub film: bool,
@@ -65,6 +72,14 @@ impl Changes {
             background: old.background != new.background,
             orders: old.orders != new.orders,
             method: old.method != new.method,
+            rendering: old.rendering != new.rendering,
+            value_range: old.value_range != new.value_range,
+            isosurface: match (old.rendering, new.rendering) {
+                (Rendering::Isosurface { value: a }, Rendering::Isosurface { value: b }) => {
+                    old.classification().surface_at(a) != new.classification().surface_at(b)
+                }
+                _ => false,
+            },
             ray_sampling: a.step_voxels != b.step_voxels
                 || a.termination_transmittance != b.termination_transmittance
                 || a.interpolation != b.interpolation,
@@ -92,6 +107,9 @@ impl Changes {
         say(self.background, "background");
         say(self.orders, "scattering orders");
         say(self.method, "illumination method");
+        say(self.rendering, "rendering mode");
+        say(self.value_range, "value range");
+        say(self.isosurface, "matter of the isosurface");
         say(self.ray_sampling, "ray sampling");
         say(self.film, "exposure or tone mapping");
         if self.bins != 0 && !self.volume {

@@ -6,6 +6,7 @@
 use proto::plan::PassReport;
 
 use crate::changes::Changes;
+use crate::rendering::Rendering;
 use crate::scene::Scene;
 
 /// The passes of a frame, in the order they run.
@@ -219,11 +220,11 @@ fn distance_map(cached: Option<&Scene>, scene: &Scene) -> Verdict {
         Some(old) if old.volume.content != scene.volume.content || old.filter != scene.filter => {
             Ok("other macrocell masks".into())
         }
-        Some(old) if old.bins_with_matter() != scene.bins_with_matter() => {
-            let changed = (old.bins_with_matter() ^ scene.bins_with_matter()).count_ones();
-            Ok(format!("{changed} bins gained or lost their matter"))
+        Some(old) if old.bins_in_view() != scene.bins_in_view() => {
+            let changed = (old.bins_in_view() ^ scene.bins_in_view()).count_ones();
+            Ok(format!("{changed} bins came into view or went out of it"))
         }
-        Some(_) => Err("the same bins hold matter".into()),
+        Some(_) => Err("the same bins are in view".into()),
     }
 }
 
@@ -245,25 +246,14 @@ fn ray_cast(
     let Some(film) = film else {
         return from_scratch("the film is empty".into());
     };
-    if (film.held.width, film.held.height) != (target.width, target.height) {
-        return from_scratch(format!("image size is now {} x {}", target.width, target.height));
-    }
     let changes = Changes::between(film.scene, scene);
-    let occurring = scene.volume.macrocells.occurring(scene.filter);
-    let mut reasons = Changes {
-        // What cannot show in a picture without shadows and multiple scattering, or not in the film.
-        clip_shadows: false,
-        orders: false,
-        film: false,
-        bins: if changes.volume { u64::MAX } else { changes.bins & occurring },
-        ..changes.clone()
-    };
-    // Light on nothing, or on matter that scatters nothing, cannot be seen.
-    if !reasons.lights.is_empty() && !anything_scatters(scene) && !anything_scatters(film.scene) {
-        reasons.lights.clear();
+    let seen = changes_seen(&changes, film.scene, scene);
+    let mut reasons = seen.in_words();
+    if (film.held.width, film.held.height) != (target.width, target.height) {
+        reasons.push(format!("image size is now {} x {}", target.width, target.height));
     }
     if !reasons.is_empty() {
-        return from_scratch(reasons.in_words().join(", "));
+        return from_scratch(reasons.join(", "));
     }
     if film.held.samples_per_pixel < target.samples_per_pixel {
         let missing = target.samples_per_pixel - film.held.samples_per_pixel;
@@ -281,6 +271,44 @@ fn ray_cast(
     } else {
         format!("{} cannot be seen on the film", changes.in_words().join(", "))
     })
+}
+
+/// Those of the changes from `old` to `new` that show on the film.
+fn changes_seen(changes: &Changes, old: &Scene, new: &Scene) -> Changes {
+    let mut seen = Changes {
+        // What cannot show in a picture without shadows and multiple scattering, or not in the film.
+        clip_shadows: false,
+        orders: false,
+        film: false,
+        // The transfer function's share is in `bins`.
+        value_range: false,
+        isosurface: false,
+        ..changes.clone()
+    };
+    let occurring = new.volume.macrocells.occurring(new.filter);
+    if changes.volume || changes.rendering {
+        return seen;
+    }
+    match new.rendering {
+        Rendering::Volume => {
+            seen.bins &= occurring;
+            // Light on nothing, or on matter that scatters nothing, cannot be seen.
+            if !anything_scatters(new) && !anything_scatters(old) {
+                seen.lights.clear();
+            }
+        }
+        Rendering::Isosurface { .. } => {
+            seen.bins = 0;
+            seen.isosurface = changes.isosurface;
+        }
+        Rendering::Maximum | Rendering::Minimum | Rendering::Average | Rendering::Slice { .. } => {
+            seen.bins = 0;
+            seen.value_range = changes.value_range;
+            seen.lights.clear();
+            seen.method = false;
+        }
+    }
+    seen
 }
 
 /// Whether any matter that occurs in the volume scatters light.
@@ -387,6 +415,55 @@ mod tests {
         check(json!({"clip": {"shadows": false}}), &[]);
         check(json!({"sampling": {"skip_empty": false}}), &[]);
         check(json!({"clip": {"box": [[0, 0, 0], [1, 1, 0.5]]}}), &["ray_cast", "tone_map"]);
+    }
+
+    #[test]
+    fn values_depend_on_neither_matter_nor_light() {
+        let volume = volume();
+        let with = |patch: serde_json::Value| {
+            let mut all = json!({"rendering": {"mode": "maximum"}});
+            all.as_object_mut().unwrap().extend(patch.as_object().unwrap().clone());
+            scene(&volume, all)
+        };
+        let old = with(json!({}));
+        let opaque =
+            json!({"transfer_function": {"points": [{"s": 0, "extinction": 50, "albedo": [1, 0, 0]}]}});
+        assert_eq!(running(&old, &with(opaque)), [""; 0]);
+        assert_eq!(running(&old, &with(json!({"lights": []}))), [""; 0]);
+        assert_eq!(
+            running(&old, &with(json!({"value_range": [20, 90]}))),
+            ["upload_transfer_function", "ray_cast", "tone_map"][1..]
+        );
+        let mean = with(json!({"rendering": {"mode": "average"}}));
+        assert_eq!(running(&old, &mean), ["ray_cast", "tone_map"]);
+    }
+
+    #[test]
+    fn an_isosurface_depends_on_the_matter_at_its_value_alone() {
+        let volume = volume();
+        let with = |isovalue: f64, low: f64, high: [f64; 3]| {
+            scene(
+                &volume,
+                json!({
+                    "rendering": {"mode": "isosurface", "isovalue": isovalue}, "value_range": [0, 200],
+                    "transfer_function": {"points": [
+                        {"s": 0.0, "extinction": low}, {"s": 0.4, "extinction": low},
+                        {"s": 0.5, "extinction": 9, "albedo": high}, {"s": 1.0, "extinction": 9, "albedo": high}
+                    ]}
+                }),
+            )
+        };
+        let old = with(120.0, 0.0, [1.0, 0.5, 0.2]);
+        assert_eq!(running(&old, &with(120.0, 3.0, [1.0, 0.5, 0.2])), [""; 0], "matter elsewhere");
+        assert_eq!(
+            running(&old, &with(120.0, 0.0, [0.1, 0.5, 0.2])),
+            ["upload_transfer_function", "ray_cast", "tone_map"],
+            "its colour"
+        );
+        assert_eq!(
+            running(&old, &with(30.0, 0.0, [1.0, 0.5, 0.2])),
+            ["distance_map", "ray_cast", "tone_map"]
+        );
     }
 
     #[test]

@@ -12,6 +12,7 @@ use crate::grid::Grid;
 use crate::light::{Light, LightGeometry};
 use crate::material::Material;
 use crate::prepared::PreparedVolume;
+use crate::rendering::Rendering;
 use crate::transfer_function::{Classification, TransferFunction};
 
 /// Everything a picture depends on. Immutable; cheap to clone and to change one part of.
@@ -41,6 +42,8 @@ pub struct Scene {
     pub orders: Orders,
     /// Illumination method.
     pub method: Method,
+    /// What a pixel shows.
+    pub rendering: Rendering,
     /// Sampling of view rays and pixels.
     pub sampling: Sampling,
     /// From radiance to the picture.
@@ -76,11 +79,12 @@ impl Scene {
             Background::Color(color) => DVec3::from_array(color),
             Background::Environment => uniform_environment(&lights),
         };
+        let value_range = file.value_range.unwrap_or(volume.range);
         let grid = Grid::new(volume.volume.dims, file.spacing.unwrap_or(volume.volume.spacing));
         Ok(Self {
             filter: file.volume.filter,
             grid,
-            value_range: file.value_range.unwrap_or(volume.range),
+            value_range,
             transfer_function,
             materials,
             lights,
@@ -89,6 +93,7 @@ impl Scene {
             background,
             orders: file.scattering.orders,
             method: file.illumination.method,
+            rendering: Rendering::from_file(&file.rendering, value_range),
             sampling: file.sampling.clone(),
             film: file.film.clone(),
             volume,
@@ -107,6 +112,17 @@ impl Scene {
     /// Bins in which matter can occur.
     pub fn bins_with_matter(&self) -> u64 {
         self.classification().bins_with_matter(&self.volume.bins)
+    }
+
+    /// Bins that a macrocell must be able to touch for a view ray to look into it.
+    pub fn bins_in_view(&self) -> u64 {
+        match self.rendering {
+            Rendering::Volume => self.bins_with_matter(),
+            Rendering::Isosurface { value } => self.classification().bins_near(value, &self.volume.bins),
+            Rendering::Maximum | Rendering::Minimum | Rendering::Average | Rendering::Slice { .. } => {
+                u64::MAX
+            }
+        }
     }
 
     /// Distance between samples on a view ray, world units.

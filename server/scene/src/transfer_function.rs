@@ -116,6 +116,17 @@ impl Classification<'_> {
         })
     }
 
+    /// Bins that may hold a data value, once it has been interpolated and rounded.
+    pub fn bins_near(&self, value: f64, bins: &Bins) -> u64 {
+        self.mask(bins, |low, high| (low..=high).contains(&value))
+    }
+
+    /// Albedo and material at a data value.
+    pub(crate) fn surface_at(&self, value: f64) -> (DVec3, &Material) {
+        let point = self.function.at(self.s(value).clamp(0.0, 1.0));
+        (point.albedo, &self.materials[point.material])
+    }
+
     /// Bins in which any property of matter differs from `other`'s.
     pub fn changed_bins(&self, other: &Classification<'_>, bins: &Bins) -> u64 {
         self.mask(bins, |low, high| differs(self, other, low, high))

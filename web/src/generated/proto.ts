@@ -58,6 +58,10 @@ illumination: Illumination,
  */
 sampling: Sampling, 
 /**
+ * What is drawn: matter in light, or a measure of the values along each ray.
+ */
+rendering: Rendering, 
+/**
  * From linear radiance to the picture on screen; does not touch float output.
  */
 film: Film, 
@@ -481,6 +485,32 @@ termination_transmittance: number,
 interpolation: Interpolation, };
 
 export type Interpolation = "sampler" | "exact";
+
+export type Rendering = { 
+/**
+ * What a pixel shows.
+ */
+mode: RenderingMode, 
+/**
+ * Data value of the isosurface; the middle of the value range if absent.
+ */
+isovalue?: number, 
+/**
+ * The plane that `slice` shows.
+ */
+slice: SlicePlane, };
+
+export type RenderingMode = "volume" | "maximum" | "minimum" | "average" | "isosurface" | "slice";
+
+export type SlicePlane = { 
+/**
+ * Normalised on use.
+ */
+normal: [number, number, number], 
+/**
+ * World units from the centre of the volume.
+ */
+offset: number, };
 
 export type Film = { 
 /**
