@@ -8,6 +8,7 @@ import { LightsPanel } from "../lights/LightsPanel";
 import { MaterialsPanel } from "../materials/MaterialsPanel";
 import { ClipPanel } from "../quality/ClipPanel";
 import { QualityPanel } from "../quality/QualityPanel";
+import { RenderingPanel } from "../quality/RenderingPanel";
 import { session } from "../session/engine";
 import { useSession } from "../session/store";
 import { StatisticsPanel } from "../statistics/StatisticsPanel";
@@ -21,7 +22,7 @@ import { TopBar } from "./TopBar";
 import { isOpen, useUi } from "./uiStore";
 
 /** Members of the scene whose refused edits are shown in a panel; all others become a message. */
-const SHOWN_IN_PLACE = /^(transfer_function|value_range|density|materials|lights|clip|sampling|film|background|volume|scattering|illumination)/;
+const SHOWN_IN_PLACE = /^(transfer_function|value_range|density|materials|lights|clip|sampling|film|background|volume|scattering|illumination|rendering)/;
 
 export function App() {
   const left = useUi((ui) => isOpen(ui, "left"));
@@ -57,6 +58,7 @@ export function App() {
       </main>
       {right && (
         <aside className="panel panel-right" data-testid="panel-right">
+          <RenderingPanel />
           <TransferPanel />
           <MaterialsPanel />
           <LightsPanel />

@@ -9,7 +9,7 @@ const MAX_RECENT_COLOURS = 14;
 /** Below this width panels are sheets over the picture, CSS pixels. */
 export const NARROW_PIXELS = 900;
 
-export type SectionId = "transfer" | "materials" | "lights" | "clip" | "quality" | "samples" | "mine";
+export type SectionId = "rendering" | "transfer" | "materials" | "lights" | "clip" | "quality" | "samples" | "mine";
 
 export type Side = "left" | "right";
 

@@ -19,6 +19,12 @@ const toneMappings: readonly { value: ToneMapping; label: string }[] = [
   { value: "reinhard", label: "Reinhard" },
 ];
 
+const interpolations = [
+  { value: "sampler", label: "Interpolated" },
+  { value: "exact", label: "Interpolated in 32 bits" },
+  { value: "nearest", label: "Nearest" },
+] as const;
+
 export function QualityPanel() {
   const sampling = useSession((state) => state.scene?.sampling);
   const film = useSession((state) => state.scene?.film);
@@ -36,7 +42,10 @@ export function QualityPanel() {
         <Switch checked={sampling.skip_empty} label="Skip" data-testid="skip-empty" onChange={(event) => session.edit({ sampling: { skip_empty: event.currentTarget.checked } })} />
       </Row>
       <Row label="Voxels" hint="How values between voxel centres are found; nearest is for labels">
-        <NativeSelect aria-label="Interpolation" value={filter ?? "linear"} data={[{ value: "linear", label: "Interpolated" }, { value: "nearest", label: "Nearest" }]} data-testid="filter" onChange={(event) => session.edit({ volume: { filter: event.currentTarget.value } })} />
+        <NativeSelect aria-label="Interpolation" value={filter === "nearest" ? "nearest" : sampling.interpolation} data={[...interpolations]} data-testid="filter" onChange={(event) => {
+          const chosen = event.currentTarget.value;
+          session.edit(chosen === "nearest" ? { volume: { filter: chosen } } : { volume: { filter: "linear" }, sampling: { interpolation: chosen } });
+        }} />
       </Row>
       <Row label="Scattering" hint="How often light may scatter on its way">
         <NativeSelect aria-label="Scattering orders" value={orders === "all" ? "all" : orders === 1 ? "single" : "some"} data={[{ value: "all", label: "All orders" }, { value: "single", label: "Single" }, { value: "some", label: "At most" }]} data-testid="scattering" onChange={(event) => {
