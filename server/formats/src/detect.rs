@@ -4,7 +4,9 @@ use std::path::Path;
 
 use crate::ReadOptions;
 use crate::error::{FormatError, file_name};
+use crate::metaimage;
 use crate::nifti;
+use crate::npy;
 use crate::nrrd;
 use crate::raw::{self, RawLayout};
 use crate::stream::Stream;
@@ -12,6 +14,8 @@ use crate::stream::Stream;
 pub(crate) enum Detected {
     Nrrd,
     Nifti,
+    Npy,
+    MetaImage,
     Raw(RawLayout),
 }
 
@@ -22,6 +26,12 @@ pub(crate) fn detect(path: &Path, options: &ReadOptions<'_>) -> Result<Detected,
     let start = stream.peek_up_to(nifti::DETECTION_BYTES);
     if start.starts_with(nrrd::MAGIC) {
         return Ok(Detected::Nrrd);
+    }
+    if start.starts_with(npy::MAGIC) {
+        return Ok(Detected::Npy);
+    }
+    if metaimage::is_header(&start) {
+        return Ok(Detected::MetaImage);
     }
     if nifti::is_header(&start) {
         return Ok(Detected::Nifti);
@@ -37,6 +47,8 @@ pub(crate) fn detect(path: &Path, options: &ReadOptions<'_>) -> Result<Detected,
     match bare.rsplit_once('.').map(|(_, extension)| extension) {
         Some("nrrd" | "nhdr") => Ok(Detected::Nrrd),
         Some("nii" | "hdr" | "img") => Ok(Detected::Nifti),
+        Some("npy") => Ok(Detected::Npy),
+        Some("mhd" | "mha") => Ok(Detected::MetaImage),
         extension => match (raw::read_sidecar(path)?, extension) {
             (Some(layout), _) => Ok(Detected::Raw(layout)),
             (None, Some("raw")) => Err(FormatError::RawWithoutLayout { file }),

@@ -11,14 +11,20 @@
 //! | `stream`, `gzip`, `text` | bytes of a file, decoded, with a bound on how many can come |
 //! | `voxels` | bytes to voxels: types, byte order, components, non-finite values |
 //! | `orientation`, `reorder` | axis order and directions to the closest LPS |
-//! | `nrrd`, `nifti`, `raw` | headers |
+//! | `detached` | data files that a header names |
+//! | `half_float` | 16-bit floats |
+//! | `nrrd`, `nifti`, `npy`, `metaimage`, `raw` | headers |
 //! | `describe` | what `tyndall import` prints |
 
 mod describe;
+mod detached;
 mod detect;
 mod error;
 mod gzip;
+mod half_float;
+mod metaimage;
 mod nifti;
+mod npy;
 mod nrrd;
 mod orientation;
 mod raw;
@@ -44,16 +50,22 @@ pub enum Format {
     Nrrd,
     /// NIfTI-1 and NIfTI-2, single file or `.hdr`/`.img` pair, plain or gzip.
     Nifti,
+    /// NumPy array, `.npy`.
+    Npy,
+    /// MetaImage, `.mha` or `.mhd` with data files.
+    MetaImage,
     /// Voxels without a header; the layout comes from elsewhere.
     Raw,
 }
 
 impl Format {
-    /// Name used in messages and JSON: `nrrd`, `nifti` or `raw`.
+    /// Name used in messages and JSON, for example `nrrd`.
     pub fn name(self) -> &'static str {
         match self {
             Format::Nrrd => "nrrd",
             Format::Nifti => "nifti",
+            Format::Npy => "npy",
+            Format::MetaImage => "metaimage",
             Format::Raw => "raw",
         }
     }
@@ -137,6 +149,8 @@ pub fn read_volume(path: &Path, options: &ReadOptions<'_>) -> Result<Imported, F
     match detect::detect(path, options)? {
         detect::Detected::Nrrd => nrrd::read(path, options),
         detect::Detected::Nifti => nifti::read(path, options),
+        detect::Detected::Npy => npy::read(path, options),
+        detect::Detected::MetaImage => metaimage::read(path, options),
         detect::Detected::Raw(layout) => raw::read(path, &layout, options),
     }
 }
