@@ -1,6 +1,6 @@
 //! Which format a file has: by content first, then by name.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::ReadOptions;
 use crate::error::{FormatError, file_name};
@@ -9,17 +9,29 @@ use crate::nifti;
 use crate::npy;
 use crate::nrrd;
 use crate::raw::{self, RawLayout};
+use crate::slices;
 use crate::stream::Stream;
+use crate::vti;
 
 pub(crate) enum Detected {
     Nrrd,
     Nifti,
     Npy,
     MetaImage,
+    Vti,
+    Tiff,
+    /// Slices of a folder, in order.
+    Slices(Vec<PathBuf>),
     Raw(RawLayout),
 }
 
 pub(crate) fn detect(path: &Path, options: &ReadOptions<'_>) -> Result<Detected, FormatError> {
+    if path.is_dir() {
+        return match slices::files_of(path)? {
+            files if files.is_empty() => Err(FormatError::Unrecognised { file: file_name(path) }),
+            files => Ok(Detected::Slices(files)),
+        };
+    }
     // Content. A raw file that happens to start like one of these is as good as impossible: NIfTI
     // is recognised by two fields 344 bytes apart.
     let mut stream = Stream::open_maybe_gzip(path)?;
@@ -32,6 +44,12 @@ pub(crate) fn detect(path: &Path, options: &ReadOptions<'_>) -> Result<Detected,
     }
     if metaimage::is_header(&start) {
         return Ok(Detected::MetaImage);
+    }
+    if vti::is_header(&start) {
+        return Ok(Detected::Vti);
+    }
+    if slices::is_tiff(&start) {
+        return Ok(Detected::Tiff);
     }
     if nifti::is_header(&start) {
         return Ok(Detected::Nifti);
@@ -49,6 +67,8 @@ pub(crate) fn detect(path: &Path, options: &ReadOptions<'_>) -> Result<Detected,
         Some("nii" | "hdr" | "img") => Ok(Detected::Nifti),
         Some("npy") => Ok(Detected::Npy),
         Some("mhd" | "mha") => Ok(Detected::MetaImage),
+        Some("vti") => Ok(Detected::Vti),
+        Some("tif" | "tiff") => Ok(Detected::Tiff),
         extension => match (raw::read_sidecar(path)?, extension) {
             (Some(layout), _) => Ok(Detected::Raw(layout)),
             (None, Some("raw")) => Err(FormatError::RawWithoutLayout { file }),

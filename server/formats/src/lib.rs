@@ -13,7 +13,8 @@
 //! | `orientation`, `reorder` | axis order and directions to the closest LPS |
 //! | `detached` | data files that a header names |
 //! | `half_float` | 16-bit floats |
-//! | `nrrd`, `nifti`, `npy`, `metaimage`, `raw` | headers |
+//! | `slices` | TIFF files of several pages, folders of TIFF or PNG slices |
+//! | `nrrd`, `nifti`, `npy`, `metaimage`, `vti`, `raw` | headers |
 //! | `describe` | what `tyndall import` prints |
 
 mod describe;
@@ -29,9 +30,11 @@ mod nrrd;
 mod orientation;
 mod raw;
 mod reorder;
+mod slices;
 mod stream;
 mod text;
 mod voxels;
+mod vti;
 
 use std::path::Path;
 
@@ -54,6 +57,12 @@ pub enum Format {
     Npy,
     /// MetaImage, `.mha` or `.mhd` with data files.
     MetaImage,
+    /// VTK image data in XML, `.vti`.
+    Vti,
+    /// TIFF: a file of several pages, or a folder of slices.
+    Tiff,
+    /// A folder of PNG slices.
+    Png,
     /// Voxels without a header; the layout comes from elsewhere.
     Raw,
 }
@@ -66,6 +75,9 @@ impl Format {
             Format::Nifti => "nifti",
             Format::Npy => "npy",
             Format::MetaImage => "metaimage",
+            Format::Vti => "vti",
+            Format::Tiff => "tiff",
+            Format::Png => "png",
             Format::Raw => "raw",
         }
     }
@@ -151,6 +163,9 @@ pub fn read_volume(path: &Path, options: &ReadOptions<'_>) -> Result<Imported, F
         detect::Detected::Nifti => nifti::read(path, options),
         detect::Detected::Npy => npy::read(path, options),
         detect::Detected::MetaImage => metaimage::read(path, options),
+        detect::Detected::Vti => vti::read(path, options),
+        detect::Detected::Tiff => slices::read_stack(path, options),
+        detect::Detected::Slices(files) => slices::read_files(path, files, options),
         detect::Detected::Raw(layout) => raw::read(path, &layout, options),
     }
 }
