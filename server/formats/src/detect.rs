@@ -12,6 +12,10 @@ use crate::raw::{self, RawLayout};
 use crate::slices;
 use crate::stream::Stream;
 use crate::vti;
+use crate::zarr;
+
+/// What every zip archive starts with.
+const ZIP_MAGIC: &[u8] = b"PK\x03\x04";
 
 pub(crate) enum Detected {
     Nrrd,
@@ -22,10 +26,15 @@ pub(crate) enum Detected {
     Tiff,
     /// Slices of a folder, in order.
     Slices(Vec<PathBuf>),
+    ZarrFolder(PathBuf),
+    ZarrZip,
     Raw(RawLayout),
 }
 
 pub(crate) fn detect(path: &Path, options: &ReadOptions<'_>) -> Result<Detected, FormatError> {
+    if let Some(folder) = zarr_folder(path) {
+        return Ok(Detected::ZarrFolder(folder));
+    }
     if path.is_dir() {
         return match slices::files_of(path)? {
             files if files.is_empty() => Err(FormatError::Unrecognised { file: file_name(path) }),
@@ -50,6 +59,9 @@ pub(crate) fn detect(path: &Path, options: &ReadOptions<'_>) -> Result<Detected,
     }
     if slices::is_tiff(&start) {
         return Ok(Detected::Tiff);
+    }
+    if start.starts_with(ZIP_MAGIC) {
+        return Ok(Detected::ZarrZip);
     }
     if nifti::is_header(&start) {
         return Ok(Detected::Nifti);
@@ -83,4 +95,11 @@ pub(crate) fn detect(path: &Path, options: &ReadOptions<'_>) -> Result<Detected,
             (None, _) => Err(FormatError::Unrecognised { file }),
         },
     }
+}
+
+/// The hierarchy that a path names: a folder, or the metadata in it.
+fn zarr_folder(path: &Path) -> Option<PathBuf> {
+    let is_metadata = matches!(file_name(path).as_str(), ".zattrs" | ".zgroup" | "zarr.json");
+    let folder = if is_metadata && path.is_file() { path.parent()? } else { path };
+    zarr::is_hierarchy(folder).then(|| folder.to_owned())
 }

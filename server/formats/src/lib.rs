@@ -14,7 +14,7 @@
 //! | `detached` | data files that a header names |
 //! | `half_float` | 16-bit floats |
 //! | `slices` | TIFF files of several pages, folders of TIFF or PNG slices |
-//! | `nrrd`, `nifti`, `npy`, `metaimage`, `vti`, `raw` | headers |
+//! | `nrrd`, `nifti`, `npy`, `metaimage`, `vti`, `zarr`, `raw` | headers |
 //! | `describe` | what `tyndall import` prints |
 
 mod describe;
@@ -35,6 +35,7 @@ mod stream;
 mod text;
 mod voxels;
 mod vti;
+mod zarr;
 
 use std::path::Path;
 
@@ -63,6 +64,8 @@ pub enum Format {
     Tiff,
     /// A folder of PNG slices.
     Png,
+    /// OME-Zarr, in a folder or a zip archive.
+    OmeZarr,
     /// Voxels without a header; the layout comes from elsewhere.
     Raw,
 }
@@ -78,6 +81,7 @@ impl Format {
             Format::Vti => "vti",
             Format::Tiff => "tiff",
             Format::Png => "png",
+            Format::OmeZarr => "ome-zarr",
             Format::Raw => "raw",
         }
     }
@@ -166,6 +170,8 @@ pub fn read_volume(path: &Path, options: &ReadOptions<'_>) -> Result<Imported, F
         detect::Detected::Vti => vti::read(path, options),
         detect::Detected::Tiff => slices::read_stack(path, options),
         detect::Detected::Slices(files) => slices::read_files(path, files, options),
+        detect::Detected::ZarrFolder(folder) => zarr::read_folder(&folder, options),
+        detect::Detected::ZarrZip => zarr::read_zip(path, options),
         detect::Detected::Raw(layout) => raw::read(path, &layout, options),
     }
 }

@@ -94,7 +94,7 @@ fn natural(a: &str, b: &str) -> Ordering {
 pub(super) fn page_of(path: &Path) -> Result<Page, FormatError> {
     if !is_png(path) {
         let mut notices = Vec::new();
-        let mut pages = TiffPages::open(path, 0)?;
+        let mut pages = TiffPages::open(path)?;
         let walked = pages.walk(&crate::ReadOptions::default(), &mut notices)?;
         return match walked.places.len() {
             1 => Ok(walked.page),
@@ -144,7 +144,7 @@ pub(super) fn decode(path: &Path, expected: Page) -> Result<Vec<u8>, FormatError
         return Err(FormatError::field(&file, "size and type", got, expected));
     }
     if !is_png(path) {
-        return TiffPages::open(path, page.bytes())?.decode(0, page);
+        return TiffPages::open(path)?.decode(0, page);
     }
     let decoder = png(path)?;
     let bytes = decoder.total_bytes();

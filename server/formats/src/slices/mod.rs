@@ -56,7 +56,7 @@ pub(crate) fn read_stack(path: &Path, options: &ReadOptions<'_>) -> Result<Impor
     let file = file_name(path);
     let mut notices = Vec::new();
     let file_bytes = Stream::open(path)?.at_most();
-    let mut pages = TiffPages::open(path, 0)?;
+    let mut pages = TiffPages::open(path)?;
     let description = pages.description();
     let walked = pages.walk(options, &mut notices)?;
     let arrangement =
@@ -69,7 +69,7 @@ pub(crate) fn read_stack(path: &Path, options: &ReadOptions<'_>) -> Result<Impor
     let (layout, size) = plan.check(options, &mut notices)?;
     let chosen: Vec<usize> =
         (0..depth).filter_map(|z| walked.places.get(arrangement.page(z, size.volume)).copied()).collect();
-    let mut pages = TiffPages::open(path, walked.page.bytes())?;
+    let mut pages = TiffPages::open(path)?;
     let decode = move |place: usize| pages.decode(place, walked.page);
     plan.read(&layout, &size, chosen, Box::new(decode), &arrangement, Format::Tiff, options, notices)
 }

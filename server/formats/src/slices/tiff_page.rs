@@ -39,10 +39,10 @@ pub(super) struct Walked {
 }
 
 impl TiffPages {
-    /// Opens a file whose pages decode to at most so many bytes.
-    pub(super) fn open(path: &Path, page_bytes: u64) -> Result<Self, FormatError> {
+    pub(super) fn open(path: &Path) -> Result<Self, FormatError> {
         let (file, reader, _) = Stream::open(path)?.into_plain()?;
-        let page_bytes = usize::try_from(page_bytes.min(MAX_PAGE_BYTES)).unwrap_or(usize::MAX);
+        // Pages are held against tighter limits before they are decoded, see `Plan::check`.
+        let page_bytes = usize::try_from(MAX_PAGE_BYTES).unwrap_or(usize::MAX);
         let mut limits = Limits::default();
         limits.ifd_value_size = MAX_TAG_BYTES;
         limits.decoding_buffer_size = page_bytes;
