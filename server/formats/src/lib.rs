@@ -15,11 +15,13 @@
 //! | `half_float` | 16-bit floats |
 //! | `slices` | TIFF files of several pages, folders of TIFF or PNG slices |
 //! | `nrrd`, `nifti`, `npy`, `metaimage`, `vti`, `zarr`, `raw` | headers |
+//! | `environment` | images of light from all directions |
 //! | `describe` | what `tyndall import` prints |
 
 mod describe;
 mod detached;
 mod detect;
+mod environment;
 mod error;
 mod gzip;
 mod half_float;
@@ -43,6 +45,7 @@ use proto::scene_file::VoxelType;
 use scene::Volume;
 
 pub use describe::{data_range, describe};
+pub use environment::{ENVIRONMENT_BUDGET, Environment, MAX_RADIANCE, read_environment};
 pub use error::FormatError;
 pub use nrrd::write::write_nrrd;
 pub use raw::{RawLayout, read_sidecar};

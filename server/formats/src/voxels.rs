@@ -15,6 +15,10 @@ const MAX_COMPONENTS: u64 = 1 << 16;
 /// Voxels that one thread looks at in one go.
 const PARALLEL_CHUNK: usize = 1 << 18;
 
+/// What the user is told where a file says that its values are labels.
+pub(crate) const LABEL_NOTICE: &str =
+    "looks like a label volume: use nearest filtering, as values between labels mean nothing";
+
 /// Bytes of one voxel of a type.
 pub(crate) fn type_bytes(voxel_type: VoxelType) -> u64 {
     match voxel_type {

@@ -82,9 +82,13 @@ fn unshuffle_bytes(shuffled: &[u8], type_bytes: usize, out: &mut Vec<u8>) {
     out.extend_from_slice(&shuffled[values * type_bytes..]);
 }
 
-/// First bits of all values, ...; values beyond a multiple of eight stay as they are.
+/// First bits of all values, ...; a block whose values are no multiple of eight is stored as it is.
 fn unshuffle_bits(shuffled: &[u8], type_bytes: usize, out: &mut Vec<u8>) {
-    let values = shuffled.len() / type_bytes / 8 * 8;
+    let values = shuffled.len() / type_bytes;
+    if !values.is_multiple_of(8) {
+        out.extend_from_slice(shuffled);
+        return;
+    }
     let row = values / 8;
     let start = out.len();
     out.resize(start + values * type_bytes, 0);
