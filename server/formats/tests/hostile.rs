@@ -272,7 +272,7 @@ proptest! {
     }
 
     #[test]
-    fn mutated_zarr(mutations in prop::collection::vec(mutation(), 1..6), target in 0..4, version in 2..4) {
+    fn mutated_zarr(mutations in prop::collection::vec(mutation(), 1..6), target in 0..4_usize, version in 2..4) {
         let folder = tempfile::tempdir().unwrap();
         let root = folder.path();
         let multiscales = "[{\"axes\": [{\"name\": \"z\"}, {\"name\": \"y\"}, {\"name\": \"x\"}], \

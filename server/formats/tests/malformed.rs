@@ -55,8 +55,8 @@ fn check(folder: &Path, name: &str, verdict: &Verdict, siblings_only: bool) {
 
 /// Folders of the archive whose files are volumes of their own.
 const FOLDERS: [&str; 7] = ["nrrd/", "nifti/", "metaimage/", "npy/", "tiff/", "vti/", "zip/"];
-/// Metadata that the archive leaves out of some hierarchies, whose chunks and names tell what they
-/// were made for: hidden files did not survive its making.
+/// Metadata that the archive leaves out of some hierarchies; their names, chunks and verdicts tell
+/// what it was.
 const ZATTRS: &str = r#"{"multiscales": [{"version": "0.4", "axes": [
     {"name": "z", "type": "space"}, {"name": "y", "type": "space"}, {"name": "x", "type": "space"}],
     "datasets": [{"path": "0", "coordinateTransformations": [{"type": "scale", "scale": [2, 1, 1]}]}]}]}"#;
