@@ -23,8 +23,8 @@ fn stack(path: &Path, description: &str) {
         let pixels: Vec<u16> = (0..20).map(|pixel| value(page, pixel)).collect();
         let mut image = encoder.new_image::<Gray16>(5, 4).unwrap();
         image.encoder().write_tag(Tag::ImageDescription, description).unwrap();
-        image.encoder().write_tag(Tag::XResolution, Rational { n: 4, d: 1 }).unwrap();
-        image.encoder().write_tag(Tag::YResolution, Rational { n: 2, d: 1 }).unwrap();
+        image.x_resolution(Rational { n: 4, d: 1 });
+        image.y_resolution(Rational { n: 2, d: 1 });
         image.write_data(&pixels).unwrap();
     }
 }

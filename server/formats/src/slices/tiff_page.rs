@@ -6,6 +6,7 @@ use std::path::Path;
 
 use half::f16;
 use proto::scene_file::VoxelType;
+use tiff::decoder::ifd::Value;
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::tags::Tag;
 
@@ -58,7 +59,10 @@ impl TiffPages {
 
     /// Pixels per unit along x and y, where the first page says so.
     pub(super) fn resolution(&mut self) -> [Option<f64>; 2] {
-        [Tag::XResolution, Tag::YResolution].map(|tag| self.decoder.get_tag_f64(tag).ok())
+        [Tag::XResolution, Tag::YResolution].map(|tag| match self.decoder.get_tag(tag).ok()? {
+            Value::Rational(numerator, denominator) => Some(f64::from(numerator) / f64::from(denominator)),
+            other => other.into_f64().ok(),
+        })
     }
 
     /// Looks at every page.

@@ -190,6 +190,7 @@ impl Parser {
                     self.header.appended = Some(Appended { start, is_base64 });
                     return Ok(());
                 }
+                _ if is_empty && open.is_some() => self.pass_over(open)?,
                 _ => {}
             }
         }
