@@ -1,5 +1,7 @@
 //! Environment images, written here and among the shared data.
 
+#![allow(clippy::unwrap_used)]
+
 mod common;
 
 use std::path::Path;

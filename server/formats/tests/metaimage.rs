@@ -1,5 +1,7 @@
 //! MetaImage files, written here.
 
+#![allow(clippy::unwrap_used)]
+
 mod common;
 
 use std::io::Write;

@@ -1,6 +1,8 @@
 //! TIFF stacks and folders of slices. The files are written by the crates `tiff` and `image`; other
 //! writers' files are among the shared data.
 
+#![allow(clippy::unwrap_used)]
+
 mod common;
 
 use std::fs::File;
@@ -121,6 +123,5 @@ fn pages_that_differ_are_refused() {
     let mut encoder = TiffEncoder::new(File::create(&path).unwrap()).unwrap();
     encoder.write_image::<Gray8>(5, 4, &[0; 20]).unwrap();
     encoder.write_image::<Gray8>(4, 5, &[0; 20]).unwrap();
-    drop(encoder);
     refused(read(&path), "a.tif", &["page 1", "4 x 5", "5 x 4"]);
 }

@@ -1,5 +1,7 @@
 //! OME-Zarr hierarchies, written here chunk by chunk.
 
+#![allow(clippy::unwrap_used)]
+
 mod common;
 
 use std::fs;

@@ -70,8 +70,7 @@ pub(super) fn read<'a>(path: &Path, options: &ReadOptions<'_>) -> Result<(Header
         listed_files: Vec::new(),
         notices: Vec::new(),
     };
-    loop {
-        let Some(line) = stream.read_line(left)? else { break };
+    while let Some(line) = stream.read_line(left)? {
         left = left.saturating_sub(line.len() as u64 + 1);
         let line = String::from_utf8_lossy(&line);
         match header.get("ElementDataFile") {

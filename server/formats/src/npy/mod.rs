@@ -2,7 +2,8 @@
 //! 3, arrays of two to four axes in C or Fortran order.
 //!
 //! An array is indexed `[z, y, x]`, as NumPy users write volumes, whatever its order in memory.
-//! An own reader: `ndarray-npy` reads whole arrays into memory, from sizes it has not checked.
+//! An own reader, so that the bounds of all readers hold: the header is small, sizes are checked
+//! before memory is reserved, and voxels are converted as they come.
 
 mod literal;
 
