@@ -45,8 +45,11 @@ fn put(root: &Path, key: &str, bytes: &[u8]) {
     fs::write(path, bytes).unwrap();
 }
 
+/// What compresses a chunk.
+type Pack<'a> = &'a dyn Fn(Vec<u8>) -> Vec<u8>;
+
 /// An array of 3 x 4 x 5 in chunks of 2 x 3 x 4, packed by the closure.
-fn version2(root: &Path, compressor: Value, pack: &dyn Fn(Vec<u8>) -> Vec<u8>) {
+fn version2(root: &Path, compressor: Value, pack: Pack<'_>) {
     put(root, ".zattrs", image(2, &["0"]).to_string().as_bytes());
     let array = json!({"zarr_format": 2, "shape": [3, 4, 5], "chunks": [2, 3, 4], "dtype": "<u2",
         "compressor": compressor, "fill_value": 77, "order": "C", "filters": null, "dimension_separator": "/"});
@@ -95,7 +98,7 @@ fn blosc(bytes: &[u8]) -> Vec<u8> {
 #[test]
 fn codecs_of_version_2() {
     let folder = tempfile::tempdir().unwrap();
-    let packs: [(Value, &dyn Fn(Vec<u8>) -> Vec<u8>); 5] = [
+    let packs: [(Value, Pack<'_>); 5] = [
         (Value::Null, &|bytes| bytes),
         (json!({"id": "gzip"}), &|bytes| gzip(&bytes)),
         (json!({"id": "zlib"}), &|bytes| zlib(&bytes)),
