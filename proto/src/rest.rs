@@ -63,7 +63,7 @@ pub struct Dataset {
     pub name: String,
     /// Samples come with the service and cannot be deleted.
     pub sample: bool,
-    /// `builtin`, `nrrd`, `nifti`, `raw`.
+    /// `builtin`, or the format of the file, for example `nrrd`, `tiff`, `ome-zarr`.
     pub format: String,
     /// Voxels along x, y, z (after reordering to world axes).
     pub dims: [u32; 3],

@@ -1,27 +1,67 @@
 //! Which format a file has: by content first, then by name.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::ReadOptions;
 use crate::error::{FormatError, file_name};
+use crate::metaimage;
 use crate::nifti;
+use crate::npy;
 use crate::nrrd;
 use crate::raw::{self, RawLayout};
+use crate::slices;
 use crate::stream::Stream;
+use crate::vti;
+use crate::zarr;
+
+/// What every zip archive starts with.
+const ZIP_MAGIC: &[u8] = b"PK\x03\x04";
 
 pub(crate) enum Detected {
     Nrrd,
     Nifti,
+    Npy,
+    MetaImage,
+    Vti,
+    Tiff,
+    /// Slices of a folder, in order.
+    Slices(Vec<PathBuf>),
+    ZarrFolder(PathBuf),
+    ZarrZip,
     Raw(RawLayout),
 }
 
 pub(crate) fn detect(path: &Path, options: &ReadOptions<'_>) -> Result<Detected, FormatError> {
+    if let Some(folder) = zarr_folder(path) {
+        return Ok(Detected::ZarrFolder(folder));
+    }
+    if path.is_dir() {
+        return match slices::files_of(path)? {
+            files if files.is_empty() => Err(FormatError::Unrecognised { file: file_name(path) }),
+            files => Ok(Detected::Slices(files)),
+        };
+    }
     // Content. A raw file that happens to start like one of these is as good as impossible: NIfTI
     // is recognised by two fields 344 bytes apart.
     let mut stream = Stream::open_maybe_gzip(path)?;
     let start = stream.peek_up_to(nifti::DETECTION_BYTES);
     if start.starts_with(nrrd::MAGIC) {
         return Ok(Detected::Nrrd);
+    }
+    if start.starts_with(npy::MAGIC) {
+        return Ok(Detected::Npy);
+    }
+    if metaimage::is_header(&start) {
+        return Ok(Detected::MetaImage);
+    }
+    if vti::is_header(&start) {
+        return Ok(Detected::Vti);
+    }
+    if slices::is_tiff(&start) {
+        return Ok(Detected::Tiff);
+    }
+    if start.starts_with(ZIP_MAGIC) {
+        return Ok(Detected::ZarrZip);
     }
     if nifti::is_header(&start) {
         return Ok(Detected::Nifti);
@@ -37,6 +77,10 @@ pub(crate) fn detect(path: &Path, options: &ReadOptions<'_>) -> Result<Detected,
     match bare.rsplit_once('.').map(|(_, extension)| extension) {
         Some("nrrd" | "nhdr") => Ok(Detected::Nrrd),
         Some("nii" | "hdr" | "img") => Ok(Detected::Nifti),
+        Some("npy") => Ok(Detected::Npy),
+        Some("mhd" | "mha") => Ok(Detected::MetaImage),
+        Some("vti") => Ok(Detected::Vti),
+        Some("tif" | "tiff") => Ok(Detected::Tiff),
         extension => match (raw::read_sidecar(path)?, extension) {
             (Some(layout), _) => Ok(Detected::Raw(layout)),
             (None, Some("raw")) => Err(FormatError::RawWithoutLayout { file }),
@@ -51,4 +95,11 @@ pub(crate) fn detect(path: &Path, options: &ReadOptions<'_>) -> Result<Detected,
             (None, _) => Err(FormatError::Unrecognised { file }),
         },
     }
+}
+
+/// The hierarchy that a path names: a folder, or the metadata in it.
+fn zarr_folder(path: &Path) -> Option<PathBuf> {
+    let is_metadata = matches!(file_name(path).as_str(), ".zattrs" | ".zgroup" | "zarr.json");
+    let folder = if is_metadata && path.is_file() { path.parent()? } else { path };
+    zarr::is_hierarchy(folder).then(|| folder.to_owned())
 }

@@ -11,21 +11,33 @@
 //! | `stream`, `gzip`, `text` | bytes of a file, decoded, with a bound on how many can come |
 //! | `voxels` | bytes to voxels: types, byte order, components, non-finite values |
 //! | `orientation`, `reorder` | axis order and directions to the closest LPS |
-//! | `nrrd`, `nifti`, `raw` | headers |
+//! | `detached` | data files that a header names |
+//! | `half_float` | 16-bit floats |
+//! | `slices` | TIFF files of several pages, folders of TIFF or PNG slices |
+//! | `nrrd`, `nifti`, `npy`, `metaimage`, `vti`, `zarr`, `raw` | headers |
+//! | `environment` | images of light from all directions |
 //! | `describe` | what `tyndall import` prints |
 
 mod describe;
+mod detached;
 mod detect;
+mod environment;
 mod error;
 mod gzip;
+mod half_float;
+mod metaimage;
 mod nifti;
+mod npy;
 mod nrrd;
 mod orientation;
 mod raw;
 mod reorder;
+mod slices;
 mod stream;
 mod text;
 mod voxels;
+mod vti;
+mod zarr;
 
 use std::path::Path;
 
@@ -33,6 +45,7 @@ use proto::scene_file::VoxelType;
 use scene::Volume;
 
 pub use describe::{data_range, describe};
+pub use environment::{ENVIRONMENT_BUDGET, Environment, MAX_RADIANCE, read_environment};
 pub use error::FormatError;
 pub use nrrd::write::write_nrrd;
 pub use raw::{RawLayout, read_sidecar};
@@ -44,16 +57,34 @@ pub enum Format {
     Nrrd,
     /// NIfTI-1 and NIfTI-2, single file or `.hdr`/`.img` pair, plain or gzip.
     Nifti,
+    /// NumPy array, `.npy`.
+    Npy,
+    /// MetaImage, `.mha` or `.mhd` with data files.
+    MetaImage,
+    /// VTK image data in XML, `.vti`.
+    Vti,
+    /// TIFF: a file of several pages, or a folder of slices.
+    Tiff,
+    /// A folder of PNG slices.
+    Png,
+    /// OME-Zarr, in a folder or a zip archive.
+    OmeZarr,
     /// Voxels without a header; the layout comes from elsewhere.
     Raw,
 }
 
 impl Format {
-    /// Name used in messages and JSON: `nrrd`, `nifti` or `raw`.
+    /// Name used in messages and JSON, for example `nrrd`.
     pub fn name(self) -> &'static str {
         match self {
             Format::Nrrd => "nrrd",
             Format::Nifti => "nifti",
+            Format::Npy => "npy",
+            Format::MetaImage => "metaimage",
+            Format::Vti => "vti",
+            Format::Tiff => "tiff",
+            Format::Png => "png",
+            Format::OmeZarr => "ome-zarr",
             Format::Raw => "raw",
         }
     }
@@ -137,6 +168,13 @@ pub fn read_volume(path: &Path, options: &ReadOptions<'_>) -> Result<Imported, F
     match detect::detect(path, options)? {
         detect::Detected::Nrrd => nrrd::read(path, options),
         detect::Detected::Nifti => nifti::read(path, options),
+        detect::Detected::Npy => npy::read(path, options),
+        detect::Detected::MetaImage => metaimage::read(path, options),
+        detect::Detected::Vti => vti::read(path, options),
+        detect::Detected::Tiff => slices::read_stack(path, options),
+        detect::Detected::Slices(files) => slices::read_files(path, files, options),
+        detect::Detected::ZarrFolder(folder) => zarr::read_folder(&folder, options),
+        detect::Detected::ZarrZip => zarr::read_zip(path, options),
         detect::Detected::Raw(layout) => raw::read(path, &layout, options),
     }
 }

@@ -56,6 +56,10 @@ enum Inner<'a> {
         reader: Box<TextReader>,
         at_most: u64,
     },
+    Decoded {
+        reader: Box<dyn Read + 'a>,
+        at_most: u64,
+    },
     Parts {
         open: OpenPart<'a>,
         next: usize,
@@ -124,7 +128,25 @@ impl<'a> Stream<'a> {
         Ok(Self { file, inner: Inner::Text { reader: Box::new(wrap(reader)), at_most } })
     }
 
-    fn into_plain(self) -> Result<(String, BufReader<File>, u64), FormatError> {
+    /// Inflates what is left of a plain stream, zlib or gzip by its first bytes.
+    pub(crate) fn into_zlib(self) -> Result<Self, FormatError> {
+        let (file, mut reader, left) = self.into_plain()?;
+        if is_gzip(reader.fill_buf()) {
+            let at_most = left.saturating_mul(MAX_DEFLATE_RATIO);
+            let members = Box::new(GzipMembers::new(reader));
+            return Ok(Self { file, inner: Inner::Gzip { members, at_most } });
+        }
+        let decoder = flate2::bufread::ZlibDecoder::new(reader);
+        Ok(Self::decoded(file, Box::new(decoder), left.saturating_mul(MAX_DEFLATE_RATIO)))
+    }
+
+    /// Bytes from a decoder that yields at most so many.
+    pub(crate) fn decoded(file: String, reader: Box<dyn Read + 'a>, at_most: u64) -> Self {
+        Self { file, inner: Inner::Decoded { reader, at_most } }
+    }
+
+    /// The file's name, its reader and the bytes that are left, of a plain stream.
+    pub(crate) fn into_plain(self) -> Result<(String, BufReader<File>, u64), FormatError> {
         match self.inner {
             Inner::Plain { reader, left } => Ok((self.file, reader, left)),
             _ => Err(FormatError::corrupt(&self.file, "encoded twice")),
@@ -135,7 +157,9 @@ impl<'a> Stream<'a> {
     pub(crate) fn at_most(&self) -> u64 {
         match &self.inner {
             Inner::Plain { left, .. } => *left,
-            Inner::Gzip { at_most, .. } | Inner::Text { at_most, .. } => *at_most,
+            Inner::Gzip { at_most, .. } | Inner::Text { at_most, .. } | Inner::Decoded { at_most, .. } => {
+                *at_most
+            }
             Inner::Parts { count, part_bytes, .. } => (*count as u64).saturating_mul(*part_bytes),
         }
     }
@@ -171,6 +195,11 @@ impl<'a> Stream<'a> {
                     io::ErrorKind::InvalidData => FormatError::corrupt(file, e.to_string()),
                     _ => FormatError::io(file, "read")(e),
                 })?;
+                *at_most = at_most.saturating_sub(got as u64);
+                Ok(got)
+            }
+            Inner::Decoded { reader, at_most } => {
+                let got = reader.read(buffer).map_err(|error| damaged(file, error))?;
                 *at_most = at_most.saturating_sub(got as u64);
                 Ok(got)
             }
@@ -334,6 +363,23 @@ impl<'a> Stream<'a> {
             }
         }
     }
+}
+
+/// A stream as a plain reader, for decoders on top of it. A refusal travels inside the
+/// [`io::Error`] and comes out unchanged.
+pub(crate) struct AsReader<'a>(pub(crate) Stream<'a>);
+
+impl Read for AsReader<'_> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        self.0.read(buffer).map_err(io::Error::other)
+    }
+}
+
+/// What a decoder's error means.
+fn damaged(file: &str, error: io::Error) -> FormatError {
+    error
+        .downcast::<FormatError>()
+        .unwrap_or_else(|error| FormatError::corrupt(file, format!("the data are damaged ({error})")))
 }
 
 fn damaged_gzip(file: &str, error: &io::Error) -> FormatError {

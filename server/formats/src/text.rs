@@ -18,15 +18,15 @@ pub(crate) enum TextKind {
 }
 
 /// Turns text into the bytes a binary file would hold.
-pub(crate) struct TextReader {
-    reader: BufReader<File>,
+pub(crate) struct TextReader<R = BufReader<File>> {
+    reader: R,
     kind: TextKind,
     /// Bytes of the last number that the caller's buffer had no room for.
     pending: Vec<u8>,
 }
 
-impl TextReader {
-    pub(crate) fn new(reader: BufReader<File>, kind: TextKind) -> Self {
+impl<R: BufRead> TextReader<R> {
+    pub(crate) fn new(reader: R, kind: TextKind) -> Self {
         Self { reader, kind, pending: Vec::with_capacity(8) }
     }
 
@@ -96,7 +96,7 @@ impl TextReader {
     }
 }
 
-impl Read for TextReader {
+impl<R: BufRead> Read for TextReader<R> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let mut filled = 0;
         while filled < buffer.len() {

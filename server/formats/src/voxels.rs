@@ -15,6 +15,10 @@ const MAX_COMPONENTS: u64 = 1 << 16;
 /// Voxels that one thread looks at in one go.
 const PARALLEL_CHUNK: usize = 1 << 18;
 
+/// What the user is told where a file says that its values are labels.
+pub(crate) const LABEL_NOTICE: &str =
+    "looks like a label volume: use nearest filtering, as values between labels mean nothing";
+
 /// Bytes of one voxel of a type.
 pub(crate) fn type_bytes(voxel_type: VoxelType) -> u64 {
     match voxel_type {
@@ -73,7 +77,8 @@ pub(crate) struct Size {
     /// Bytes of all volumes in the file.
     pub(crate) total_bytes: u64,
     component: u64,
-    volume: u64,
+    /// Which of the volumes is chosen.
+    pub(crate) volume: u64,
 }
 
 /// Checks axis lengths from a header and brings them into memory's type.
@@ -177,6 +182,21 @@ impl Layout {
         stream.skip(size.volume * size.volume_bytes, &mut progress)?;
         let voxels = self.read_volume(size, stream, &mut progress, notices)?;
         stream.skip((self.volumes - 1 - size.volume) * size.volume_bytes, &mut progress)?;
+        notices.extend(stream.finish()?);
+        Ok(voxels)
+    }
+
+    /// Reads the chosen volume from a stream that holds nothing else.
+    pub(crate) fn read_chosen(
+        &self,
+        size: &Size,
+        stream: &mut Stream<'_>,
+        options: &ReadOptions<'_>,
+        notices: &mut Vec<String>,
+    ) -> Result<Voxels, FormatError> {
+        stream.require(size.volume_bytes)?;
+        let mut progress = Progress::new(options.progress, size.volume_bytes);
+        let voxels = self.read_volume(size, stream, &mut progress, notices)?;
         notices.extend(stream.finish()?);
         Ok(voxels)
     }

@@ -1,5 +1,6 @@
-//! The shared test data: every NRRD, NIfTI and raw file, against numbers computed with nibabel
-//! 5.4.2, pynrrd 1.1.3 and numpy (reoriented to LPS by nibabel where there is an orientation).
+//! The shared test data: every file of a format that is read, against numbers computed with nibabel
+//! 5.4.2, pynrrd 1.1.3, SimpleITK 2.5.7, pyvista 0.49.1, tifffile 2026.3.3, zarr 3.1.6 and numpy
+//! 2.4.6 (reoriented to LPS by nibabel or SimpleITK where there is an orientation).
 
 #![allow(clippy::unwrap_used)]
 
@@ -67,8 +68,8 @@ fn check(imported: &Imported, expected: &Expected) {
 }
 
 #[test]
-fn every_nrrd_and_nifti_file_reads_as_other_readers_do() {
-    let Some(folder) = shared_data("expected dims, spacing, range of real NRRD and NIfTI files") else {
+fn every_file_reads_as_other_readers_do() {
+    let Some(folder) = shared_data("expected dims, spacing, range of real files") else {
         return;
     };
     let all = expected(false);
@@ -82,15 +83,22 @@ fn every_nrrd_and_nifti_file_reads_as_other_readers_do() {
         for file in files.into_iter().flatten() {
             let path = file.unwrap().path();
             let name = path.strip_prefix(&folder).unwrap().to_str().unwrap();
-            let endings = [".nrrd", ".nhdr", ".nii", ".nii.gz", ".hdr"];
+            let endings = [
+                ".nrrd", ".nhdr", ".nii", ".nii.gz", ".hdr", ".mhd", ".mha", ".npy", ".vti", ".tif", ".zarr",
+            ];
             let is_volume = endings.iter().any(|end| name.ends_with(end));
-            if is_volume && !name.starts_with("environments/") {
+            if name == ZEROED {
+                refused(read(&path), "stent_zyx", &["magic"]);
+            } else if is_volume && !name.starts_with("environments/") {
                 let known = all.iter().any(|expected| expected.file == name);
                 assert!(known, "{name} has no expected numbers");
             }
         }
     }
 }
+
+/// A file that holds nothing but zeros, header included.
+const ZEROED: &str = "npy/stent_zyx_128x64x64_uint8.npy";
 
 #[test]
 fn eight_orientations_are_one_volume() {

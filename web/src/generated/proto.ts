@@ -664,7 +664,7 @@ name: string,
  */
 sample: boolean, 
 /**
- * `builtin`, `nrrd`, `nifti`, `raw`.
+ * `builtin`, or the format of the file, for example `nrrd`, `tiff`, `ome-zarr`.
  */
 format: string, 
 /**

@@ -8,6 +8,8 @@ use crate::ReadOptions;
 use crate::error::FormatError;
 use crate::stream::{Progress, Stream};
 
+/// Intent code of volumes whose values are labels (NIFTI_INTENT_LABEL).
+pub(super) const INTENT_LABEL: i32 = 1002;
 /// Bytes of a NIfTI-1 header, also the value of its `sizeof_hdr`.
 pub(super) const NIFTI1_BYTES: usize = 348;
 /// Bytes of a NIfTI-2 header, also the value of its `sizeof_hdr`.
@@ -71,6 +73,8 @@ pub(super) struct Header {
     xyzt_units: i32,
     pub(super) qform_code: i32,
     pub(super) sform_code: i32,
+    /// What the values mean; [`INTENT_LABEL`] matters here.
+    pub(super) intent_code: i32,
     /// b, c, d of the rotation.
     pub(super) quatern: [f64; 3],
     pub(super) qoffset: [f64; 3],
@@ -153,6 +157,7 @@ impl Header {
             xyzt_units: bytes.at::<1>(123)[0].into(),
             qform_code: bytes.i16(252).into(),
             sform_code: bytes.i16(254).into(),
+            intent_code: bytes.i16(68).into(),
             quatern: bytes.f32s(256),
             qoffset: bytes.f32s(268),
             srow: [bytes.f32s(280), bytes.f32s(296), bytes.f32s(312)],
@@ -175,6 +180,7 @@ impl Header {
             xyzt_units: bytes.i32(500),
             qform_code: bytes.i32(344),
             sform_code: bytes.i32(348),
+            intent_code: bytes.i32(504),
             quatern: bytes.f64s(352),
             qoffset: bytes.f64s(376),
             srow: [bytes.f64s(400), bytes.f64s(432), bytes.f64s(464)],

@@ -15,7 +15,7 @@ use crate::describe::stored_range;
 use crate::error::{FormatError, file_name};
 use crate::orientation::Stored;
 use crate::stream::{Progress, Stream};
-use crate::voxels::{Layout, check_axes};
+use crate::voxels::{LABEL_NOTICE, Layout, check_axes};
 use crate::{Format, Imported, ReadOptions};
 use header::Header;
 
@@ -83,6 +83,9 @@ pub(crate) fn read(path: &Path, options: &ReadOptions<'_>) -> Result<Imported, F
         ));
     }
 
+    if header.intent_code == header::INTENT_LABEL {
+        notices.push(LABEL_NOTICE.to_owned());
+    }
     let (spacing, affine) = placement::place(&header, dims, &mut notices);
     let mut stored = Stored {
         dims,

@@ -7,11 +7,15 @@ use super::MAGIC;
 use crate::ReadOptions;
 use crate::error::{FormatError, quoted};
 use crate::stream::Stream;
+use crate::voxels::LABEL_NOTICE;
 
 /// Most axes an NRRD file may have, by the format's own limit.
 const MAX_DIMENSION: usize = 16;
 /// Newest version of the format; its digit follows the magic.
 const NEWEST_VERSION: u8 = b'5';
+
+/// Key of the first segment of a segmentation (`.seg.nrrd`, written by 3D Slicer).
+const LABEL_KEY: &str = "Segment0_ID";
 
 /// Fields that are read, names in lower case without blanks (the format allows both
 /// `data file` and `datafile`).
@@ -107,6 +111,10 @@ impl Header {
             return Err(FormatError::field(&self.file, "header line", line, expected));
         };
         if value.starts_with('=') {
+            // Segmentations list their segments as `Segment0_ID:=...`.
+            if name == LABEL_KEY {
+                self.notices.push(LABEL_NOTICE.to_owned());
+            }
             return Ok(());
         }
         let name: String = name.to_lowercase().split_whitespace().collect();

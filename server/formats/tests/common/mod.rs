@@ -166,6 +166,7 @@ pub struct NiftiFile {
     pub qoffset: [f64; 3],
     pub sform_code: i16,
     pub srow: [[f64; 4]; 3],
+    pub intent_code: i16,
     /// Behind the header, the four extender bytes included.
     pub extensions: Vec<u8>,
 }
@@ -193,6 +194,7 @@ impl NiftiFile {
             qoffset: [0.0; 3],
             sform_code: 0,
             srow: [[0.0; 4]; 3],
+            intent_code: 0,
             extensions: vec![0; 4],
         }
     }
@@ -224,6 +226,7 @@ impl NiftiFile {
             put(123, &[self.units]);
             put(252, &self.qform_code.to_le_bytes());
             put(254, &self.sform_code.to_le_bytes());
+            put(68, &self.intent_code.to_le_bytes());
             for k in 0..3 {
                 put(256 + 4 * k, &(self.quatern[k] as f32).to_le_bytes());
                 put(268 + 4 * k, &(self.qoffset[k] as f32).to_le_bytes());
@@ -243,6 +246,7 @@ impl NiftiFile {
             put(500, &i32::from(self.units).to_le_bytes());
             put(344, &i32::from(self.qform_code).to_le_bytes());
             put(348, &i32::from(self.sform_code).to_le_bytes());
+            put(504, &i32::from(self.intent_code).to_le_bytes());
             for k in 0..3 {
                 put(352 + 8 * k, &self.quatern[k].to_le_bytes());
                 put(376 + 8 * k, &self.qoffset[k].to_le_bytes());

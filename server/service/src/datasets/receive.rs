@@ -218,7 +218,7 @@ pub fn plain_name(name: &str) -> String {
 fn main_file<'n>(names: impl Iterator<Item = &'n String>) -> Option<String> {
     let rank = |name: &&String| {
         let lower = name.to_lowercase();
-        const FIRST: [&str; 6] = [".nhdr", ".hdr", ".nrrd", ".nii", ".nii.gz", ""];
+        const FIRST: [&str; 8] = [".nhdr", ".hdr", ".mhd", ".mha", ".nrrd", ".nii", ".nii.gz", ""];
         FIRST.iter().position(|end| lower.ends_with(end))
     };
     let mut names: Vec<&String> = names.filter(|name| !name.to_lowercase().ends_with(".json")).collect();
@@ -228,7 +228,7 @@ fn main_file<'n>(names: impl Iterator<Item = &'n String>) -> Option<String> {
 
 /// A file name without its endings.
 fn display_name(file: &str) -> &str {
-    let stem = file.strip_suffix(".gz").unwrap_or(file);
+    let stem = [".gz", ".zip", ".zarr"].iter().fold(file, |stem, end| stem.strip_suffix(end).unwrap_or(stem));
     match stem.rsplit_once('.') {
         Some((name, _)) if !name.is_empty() => name,
         _ => stem,
@@ -264,6 +264,7 @@ mod tests {
         let main = |list: &[&str]| main_file(names(list).iter());
         assert_eq!(main(&["a.raw", "a.nhdr"]).unwrap(), "a.nhdr");
         assert_eq!(main(&["a.img", "a.hdr"]).unwrap(), "a.hdr");
+        assert_eq!(main(&["a.raw", "b.mhd"]).unwrap(), "b.mhd");
         assert_eq!(main(&["a.json", "a.raw"]).unwrap(), "a.raw");
         assert_eq!(main(&["a.json"]), None);
         assert_eq!(main(&[]), None);
@@ -289,6 +290,7 @@ mod tests {
     fn names_for_people_have_no_endings() {
         assert_eq!(display_name("head.nii.gz"), "head");
         assert_eq!(display_name("head.v2.nrrd"), "head.v2");
+        assert_eq!(display_name("head.ome.zarr.zip"), "head");
         assert_eq!(display_name("head"), "head");
     }
 }

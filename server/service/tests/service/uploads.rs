@@ -49,6 +49,41 @@ async fn a_header_and_its_data_are_one_dataset() {
 }
 
 #[tokio::test]
+async fn a_metaimage_header_and_its_data_are_one_dataset() {
+    let service = Service::new();
+    let header = b"NDims = 3\nDimSize = 16 16 16\nElementSpacing = 1 1 2\nElementType = MET_UCHAR\n\
+                   ElementDataFile = ball.raw\n";
+    let answer = service.form(&[("file", "ball.raw", &ball(0)), ("file", "ball.mhd", header)]).await;
+    assert_eq!(answer.status, StatusCode::CREATED, "{}", answer.json());
+    assert_eq!(answer.json()["format"], "metaimage");
+    assert_eq!(answer.json()["spacing"], serde_json::json!([1.0, 1.0, 2.0]));
+}
+
+#[tokio::test]
+async fn a_zipped_ome_zarr_is_one_dataset() {
+    let service = Service::new();
+    let axes = serde_json::json!([{"name": "z"}, {"name": "y"}, {"name": "x"}]);
+    let attributes = serde_json::json!({"multiscales": [{"axes": axes, "datasets": [{"path": "0"}]}]});
+    let array = serde_json::json!({"zarr_format": 2, "shape": [16, 16, 16], "chunks": [16, 16, 16],
+        "dtype": "|u1", "compressor": null, "fill_value": 0, "order": "C", "filters": null});
+    let mut archive = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+    let files = [
+        (".zattrs", attributes.to_string().into_bytes()),
+        ("0/.zarray", array.to_string().into_bytes()),
+        ("0/0.0.0", ball(0)),
+    ];
+    for (name, bytes) in files {
+        let name = format!("ball.ome.zarr/{name}");
+        archive.start_file(name, zip::write::SimpleFileOptions::default()).unwrap();
+        std::io::Write::write_all(&mut archive, &bytes).unwrap();
+    }
+    let archive = archive.finish().unwrap().into_inner();
+    let answer = service.put("/datasets/ball.ome.zarr.zip", archive).await;
+    assert_eq!(answer.status, StatusCode::CREATED, "{}", answer.json());
+    assert_eq!((&answer.json()["format"], &answer.json()["name"]), (&"ome-zarr".into(), &"ball".into()));
+}
+
+#[tokio::test]
 async fn raw_files_are_described_by_a_query_or_a_sidecar() {
     let service = Service::new();
     let by_query = service.put("/datasets/ball.raw?dims=16,16,16&type=uint8&spacing=1,2,3", ball(0)).await;
