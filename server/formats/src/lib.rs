@@ -11,9 +11,11 @@
 //! | `stream`, `gzip`, `text` | bytes of a file, decoded, with a bound on how many can come |
 //! | `voxels` | bytes to voxels: types, byte order, components, non-finite values |
 //! | `orientation`, `reorder` | axis order and directions to the closest LPS |
+//! | `archive` | zip files: entries, names and sizes bounded |
 //! | `nrrd`, `nifti`, `raw` | headers |
 //! | `describe` | what `tyndall import` prints |
 
+mod archive;
 mod describe;
 mod detect;
 mod error;
