@@ -3,6 +3,8 @@
 use std::path::Path;
 
 use crate::ReadOptions;
+use crate::archive;
+use crate::dicom;
 use crate::error::{FormatError, file_name};
 use crate::nifti;
 use crate::nrrd;
@@ -12,10 +14,14 @@ use crate::stream::Stream;
 pub(crate) enum Detected {
     Nrrd,
     Nifti,
+    Dicom,
     Raw(RawLayout),
 }
 
 pub(crate) fn detect(path: &Path, options: &ReadOptions<'_>) -> Result<Detected, FormatError> {
+    if path.is_dir() {
+        return Ok(Detected::Dicom);
+    }
     // Content. A raw file that happens to start like one of these is as good as impossible: NIfTI
     // is recognised by two fields 344 bytes apart.
     let mut stream = Stream::open_maybe_gzip(path)?;
@@ -25,6 +31,9 @@ pub(crate) fn detect(path: &Path, options: &ReadOptions<'_>) -> Result<Detected,
     }
     if nifti::is_header(&start) {
         return Ok(Detected::Nifti);
+    }
+    if dicom::is_start(&start) || start.starts_with(archive::ZIP_MAGIC) {
+        return Ok(Detected::Dicom);
     }
     if let Some(layout) = options.raw {
         return Ok(Detected::Raw(layout));
@@ -37,6 +46,7 @@ pub(crate) fn detect(path: &Path, options: &ReadOptions<'_>) -> Result<Detected,
     match bare.rsplit_once('.').map(|(_, extension)| extension) {
         Some("nrrd" | "nhdr") => Ok(Detected::Nrrd),
         Some("nii" | "hdr" | "img") => Ok(Detected::Nifti),
+        Some("dcm") => Ok(Detected::Dicom),
         extension => match (raw::read_sidecar(path)?, extension) {
             (Some(layout), _) => Ok(Detected::Raw(layout)),
             (None, Some("raw")) => Err(FormatError::RawWithoutLayout { file }),

@@ -78,7 +78,7 @@ pub enum FormatError {
     /// Neither content nor name tell the format.
     #[error(
         "{file}: not a volume file known here; known are NRRD (.nrrd, .nhdr), NIfTI (.nii, \
-         .nii.gz, .hdr with .img) and raw voxels with a layout: {RAW_HELP}"
+         .nii.gz, .hdr with .img), DICOM (.dcm, folders and .zip of them) and raw voxels with a layout: {RAW_HELP}"
     )]
     Unrecognised {
         /// File name.

@@ -13,11 +13,13 @@
 //! | `orientation`, `reorder` | axis order and directions to the closest LPS |
 //! | `archive` | zip files: entries, names and sizes bounded |
 //! | `nrrd`, `nifti`, `raw` | headers |
+//! | `dicom` | series of slices |
 //! | `describe` | what `tyndall import` prints |
 
 mod archive;
 mod describe;
 mod detect;
+mod dicom;
 mod error;
 mod gzip;
 mod nifti;
@@ -35,6 +37,7 @@ use proto::scene_file::VoxelType;
 use scene::Volume;
 
 pub use describe::{data_range, describe};
+pub use dicom::is_dicom;
 pub use error::FormatError;
 pub use nrrd::write::write_nrrd;
 pub use raw::{RawLayout, read_sidecar};
@@ -48,15 +51,18 @@ pub enum Format {
     Nifti,
     /// Voxels without a header; the layout comes from elsewhere.
     Raw,
+    /// DICOM: a series in a folder or zip archive, or a single file.
+    Dicom,
 }
 
 impl Format {
-    /// Name used in messages and JSON: `nrrd`, `nifti` or `raw`.
+    /// Name used in messages and JSON: `nrrd`, `nifti`, `raw` or `dicom`.
     pub fn name(self) -> &'static str {
         match self {
             Format::Nrrd => "nrrd",
             Format::Nifti => "nifti",
             Format::Raw => "raw",
+            Format::Dicom => "dicom",
         }
     }
 }
@@ -123,11 +129,13 @@ pub struct Imported {
     pub file_type: VoxelType,
     /// How many volumes or components the file offers; `index` counts below this.
     pub choices: u64,
+    /// What the choices are called, in the order of `index`; empty where they have no names.
+    pub choice_names: Vec<String>,
     /// What was changed, ignored or assumed, one sentence each, for the user to see.
     pub notices: Vec<String>,
 }
 
-/// Reads a volume file.
+/// Reads a volume file, or a folder with a series of slices.
 ///
 /// The format is decided by content first and by name second. Axes of files with anatomical
 /// orientation are permuted and flipped to the closest LPS; nothing is resampled.
@@ -139,6 +147,7 @@ pub fn read_volume(path: &Path, options: &ReadOptions<'_>) -> Result<Imported, F
     match detect::detect(path, options)? {
         detect::Detected::Nrrd => nrrd::read(path, options),
         detect::Detected::Nifti => nifti::read(path, options),
+        detect::Detected::Dicom => dicom::read(path, options),
         detect::Detected::Raw(layout) => raw::read(path, &layout, options),
     }
 }
