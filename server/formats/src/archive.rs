@@ -215,10 +215,10 @@ mod tests {
         zipped(&path, &[("a/b.bin", &[7; 5000]), ("c", b"")]);
         let mut archive = Archive::open(&path, &Limits::default()).unwrap();
         let entries = archive.entries().to_vec();
-        assert_eq!(entries.iter().map(|e| (e.name.as_str(), e.bytes)).collect::<Vec<_>>(), [
-            ("a/b.bin", 5000),
-            ("c", 0)
-        ]);
+        assert_eq!(
+            entries.iter().map(|e| (e.name.as_str(), e.bytes)).collect::<Vec<_>>(),
+            [("a/b.bin", 5000), ("c", 0)]
+        );
         assert_eq!(archive.read(&entries[0]).unwrap(), [7; 5000]);
         assert_eq!(archive.read_start(&entries[0], 3).unwrap(), [7; 3]);
         assert!(archive.read(&entries[1]).unwrap().is_empty());

@@ -1,4 +1,4 @@
-//! The shared hostile files: every NRRD and NIfTI file meets its verdict, in bounded time and
+//! The shared hostile files: every NRRD, NIfTI, DICOM and zip file meets its verdict, in bounded time and
 //! memory. One test in a program of its own, as it measures the memory of the whole process.
 
 #![allow(clippy::unwrap_used)]
@@ -40,7 +40,10 @@ fn check(folder: &Path, name: &str, verdict: &Verdict, siblings_only: bool) {
     match (verdict.expect.as_str(), result) {
         ("reject", Err(error)) => {
             let file = name.rsplit('/').next().unwrap();
-            assert!(error.to_string().starts_with(file), "{error}");
+            // Of a series, the message names the file at fault, or the folder.
+            let message = error.to_string();
+            let is_slice = message.split(".dcm").next().is_some_and(|s| s.parse::<u32>().is_ok());
+            assert!(message.starts_with(file) || is_slice, "{error}");
         }
         ("accept" | "accept_sanitised", Ok(imported)) => {
             let volume = &imported.volume;
@@ -54,8 +57,8 @@ fn check(folder: &Path, name: &str, verdict: &Verdict, siblings_only: bool) {
 }
 
 #[test]
-fn every_nrrd_and_nifti_file_meets_its_verdict() {
-    let Some(shared) = shared_data("hostile NRRD and NIfTI files") else {
+fn every_file_meets_its_verdict() {
+    let Some(shared) = shared_data("hostile files") else {
         return;
     };
     let folder = tempfile::tempdir().unwrap();
@@ -66,7 +69,7 @@ fn every_nrrd_and_nifti_file_meets_its_verdict() {
         .arg(folder.path())
         .status();
     if !unpacked.is_ok_and(|status| status.success()) {
-        eprintln!("LEFT OUT, `tar -xJ` does not work here: hostile NRRD and NIfTI files");
+        eprintln!("LEFT OUT, `tar -xJ` does not work here: hostile files");
         return;
     }
     let folder = folder.path().join("malformed");
@@ -74,7 +77,14 @@ fn every_nrrd_and_nifti_file_meets_its_verdict() {
     let manifest: BTreeMap<String, Verdict> = serde_json::from_slice(&manifest).unwrap();
     let before = peak_memory_kib();
     let mut checked = 0;
+    let mut series = BTreeMap::new();
     for (name, verdict) in &manifest {
+        if let Some((folder, _)) = name.rsplit_once('/').filter(|(folder, _)| folder.contains("/series_")) {
+            series.insert(folder.to_owned(), verdict);
+        } else if name.starts_with("dicom/") || name.starts_with("zip/") {
+            check(&folder, name, verdict, true);
+            checked += 1;
+        }
         if name.starts_with("nrrd/") || name.starts_with("nifti/") {
             check(&folder, name, verdict, true);
             checked += 1;
@@ -85,7 +95,12 @@ fn every_nrrd_and_nifti_file_meets_its_verdict() {
             check(&folder, name, verdict, false);
         }
     }
-    assert!(checked >= 50, "only {checked} of the files were found");
+    // The verdicts on slices are on the series they belong to.
+    for (name, verdict) in &series {
+        check(&folder, name, verdict, true);
+        checked += 1;
+    }
+    assert!(checked >= 70, "only {checked} of the files were found");
     match (before, peak_memory_kib()) {
         (Some(before), Some(after)) => {
             assert!(after - before < MAX_MEMORY_KIB, "{} KiB", after - before);

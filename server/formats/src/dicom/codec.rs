@@ -183,10 +183,13 @@ fn jpeg_2000(compressed: &[u8], shape: Shape) -> Result<Vec<u32>, String> {
     let mut context = hayro_jpeg2000::DecoderContext::default();
     let decoded = image.decode(&mut context).map_err(in_words)?;
     let component = decoded.components().first().ok_or("it has no component")?;
-    // The decoder moves signed samples up by half their range, as it does unsigned ones.
+    // The decoder moves signed samples up by half their range, as it does unsigned ones. Lossy
+    // ones can come out a little beyond their range.
     let bits = u32::from(depth & 0x7F) + 1;
     let half = if depth & 0x80 != 0 { 1_i64 << (bits - 1) } else { 0 };
-    Ok(component.samples().iter().map(|sample| (sample.round() as i64 - half) as u32).collect())
+    let highest = (1_i64 << bits) - 1;
+    let sample = |value: &f32| ((value.round() as i64).clamp(0, highest) - half) as u32;
+    Ok(component.samples().iter().map(sample).collect())
 }
 
 #[cfg(test)]

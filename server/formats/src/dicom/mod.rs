@@ -32,7 +32,6 @@ use series::{Group, Key, Slice};
 use source::Source;
 use volume::Kind;
 
-
 /// Share of the progress that reading headers takes.
 const HEADERS_SHARE: f32 = 0.2;
 /// Most series or volumes that are offered.
@@ -214,8 +213,7 @@ impl Found {
                 ));
             }
         }
-        let mut choices: Vec<Group> =
-            self.groups.iter().cloned().flat_map(Group::split_moments).collect();
+        let mut choices: Vec<Group> = self.groups.iter().cloned().flat_map(Group::split_moments).collect();
         // Stable for one upload: slices, then the order the scanner gave, then identity.
         choices.sort_by(|a, b| {
             let rank = |group: &Group| (std::cmp::Reverse(group.slices.len()), group.series_number);
@@ -228,12 +226,7 @@ impl Found {
     }
 
     /// The kind of pixels of a volume; widened where its files differ.
-    fn kind(
-        &self,
-        source: &Source,
-        group: &Group,
-        notices: &mut Vec<String>,
-    ) -> Result<Kind, FormatError> {
+    fn kind(&self, source: &Source, group: &Group, notices: &mut Vec<String>) -> Result<Kind, FormatError> {
         let mut kinds = group.slices.iter().filter_map(|slice| self.kinds.get(slice.file)?.as_ref());
         let Some(first) = kinds.next() else {
             return Err(FormatError::corrupt(&source.name, "there is no DICOM image in it"));

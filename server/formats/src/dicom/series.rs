@@ -224,8 +224,7 @@ impl Group {
                     along[pair[1]]
                 ));
             }
-            let between =
-                (1..count as u64).map(|k| Layer::Between(pair[0], pair[1], k as f64 / count));
+            let between = (1..count as u64).map(|k| Layer::Between(pair[0], pair[1], k as f64 / count));
             layers.extend(between);
             layers.push(Layer::Stored(pair[1]));
         }

@@ -109,7 +109,8 @@ impl Kind {
             notices.push("the slices differ in rescale slope or intercept: each has its own applied".into());
         }
         if self.inverted {
-            notices.push("MONOCHROME1: low values are meant to be bright; the values stay as they are".into());
+            notices
+                .push("MONOCHROME1: low values are meant to be bright; the values stay as they are".into());
         }
         self
     }
