@@ -245,7 +245,7 @@ mod tests {
     fn damage_is_found() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.zip");
-        let voxels: Vec<u8> = (0..4000_u32).map(|i| (i * i >> 5) as u8).collect();
+        let voxels: Vec<u8> = (0..4000_u32).map(|i| ((i * i) >> 5) as u8).collect();
         zipped(&path, &[("a", &voxels)]);
         let bytes = std::fs::read(&path).unwrap();
         let mut flipped = bytes.clone();
