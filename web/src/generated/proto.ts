@@ -628,7 +628,7 @@ name: string,
  */
 sample: boolean, 
 /**
- * `builtin`, `nrrd`, `nifti`, `raw`.
+ * `builtin`, `nrrd`, `nifti`, `raw`, `dicom`.
  */
 format: string, 
 /**
@@ -667,6 +667,10 @@ created_unix_millis: number,
  * What the reader wants to be known, for example that only the first volume was taken.
  */
 notices: Array<string>, 
+/**
+ * Names of the volumes a scene can choose from by `volume.index`; empty where there is one.
+ */
+choices: Array<string>, 
 /**
  * Where the data comes from and under which licence, where that is known.
  */
