@@ -144,3 +144,40 @@ fn series_are_put_together_by_their_positions() {
     eprintln!("{}", formats::describe(&dose));
     eprintln!("{}", formats::describe(&read(&folder.join("dicom_multiframe/emri_small.dcm")).unwrap()));
 }
+
+/// Damaged copies of each file that are read.
+const DAMAGED_COPIES: u64 = 150;
+/// Longest time one of them may take.
+const MAX_TIME: std::time::Duration = std::time::Duration::from_secs(5);
+
+#[test]
+fn damaged_compressed_pixels_end_in_words() {
+    let Some(folder) = dicom("compressed pixels with damage") else { return };
+    let temporary = tempfile::tempdir().unwrap();
+    let mut refused = 0;
+    for name in ["MR_small_RLE", "MR_small_jp2klossless", "MR_small_jpeg_ls_lossless", "wg04/MR4_JPLL"] {
+        let whole = std::fs::read(folder.join(format!("dicom_transfer_syntax/{name}.dcm"))).unwrap();
+        let pixels = whole.windows(4).position(|tag| tag == [0xE0, 0x7F, 0x10, 0]).unwrap() + 20;
+        // A fixed series of places and values: Knuth's generator.
+        let mut state = 1_u64;
+        let mut next = |below: usize| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) as usize % below
+        };
+        for copy in 0..DAMAGED_COPIES {
+            let mut bytes = whole.clone();
+            for _ in 0..=copy % 4 {
+                // Half of the damage goes where the stream states its own layout.
+                let reach = if next(2) == 0 { 100 } else { bytes.len() - pixels };
+                let at = pixels + next(reach);
+                bytes[at] = next(256) as u8;
+            }
+            let path = write(temporary.path(), "a.dcm", &[&bytes]);
+            let start = std::time::Instant::now();
+            refused += u32::from(read(&path).is_err());
+            assert!(start.elapsed() < MAX_TIME, "{name} {copy}: {:?}", start.elapsed());
+        }
+    }
+    eprintln!("{refused} of {} damaged files were refused", 4 * DAMAGED_COPIES);
+    assert!(refused > 50);
+}
