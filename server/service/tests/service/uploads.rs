@@ -253,11 +253,13 @@ async fn of_dicom_the_volumes_are_kept_and_no_patient() {
     // Either series can be shown.
     let id = dataset["id"].as_str().unwrap();
     for (index, found) in [(0, true), (1, true), (2, false)] {
-        let scene = serde_json::json!({"scene": {"volume": {"dataset": id, "index": index}}});
+        let scene = serde_json::json!({"scene": {"version": 1, "volume": {"dataset": id, "index": index}}});
         let answer = service.json(Method::POST, "/sessions", scene).await;
         assert_eq!(answer.status.is_success(), found, "{index}: {}", answer.json());
     }
-    let broken = service.form(&[("file", "a.dcm", &files[0].1[..200]), ("file", "b.dcm", &files[1].1)]).await;
+    let broken = service
+        .form(&[("file", "a.dcm", &files[0].1[..files[0].1.len() - 6]), ("file", "b.dcm", &files[1].1)])
+        .await;
     let problem = broken.problem(422);
     assert!(problem.detail.starts_with("a.dcm"), "{}", problem.detail);
 }
