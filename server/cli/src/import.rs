@@ -8,7 +8,7 @@ use crate::Refused;
 
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// Volume file: NRRD, NIfTI, or raw with a JSON sidecar.
+    /// Volume file: NRRD, NIfTI, DICOM (also a folder or zip of slices), or raw with a JSON sidecar.
     file: PathBuf,
     /// Converts to NRRD.
     #[arg(short, long, value_name = "OUT.nrrd")]
