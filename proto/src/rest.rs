@@ -86,6 +86,9 @@ pub struct Dataset {
     pub created_unix_millis: u64,
     /// What the reader wants to be known, for example that only the first volume was taken.
     pub notices: Vec<String>,
+    /// Names of the volumes a scene can choose from by `volume.index`; empty where there is one.
+    #[serde(default)]
+    pub choices: Vec<String>,
     /// Where the data comes from and under which licence, where that is known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub attribution: Option<String>,

@@ -8,7 +8,7 @@ use crate::Refused;
 
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// Volume file, or folder of slices or OME-Zarr; raw files need a JSON sidecar.
+    /// Volume file, folder of slices or OME-Zarr, folder or zip of DICOM; raw files need a JSON sidecar.
     file: PathBuf,
     /// Converts to NRRD.
     #[arg(short, long, value_name = "OUT.nrrd")]

@@ -42,7 +42,7 @@ pub(crate) fn stored_range(voxels: &Voxels) -> [f64; 2] {
 
 /// Describes an imported file: `format`, `dims`, `spacing`, `spacing_unit`, `type` (the file's),
 /// `stored_type` (in memory), `range` (data values), `orientation` (`null` if none), `choices`,
-/// `notices`. Dims, spacing and orientation are those after reordering.
+/// `choice_names`, `notices`. Dims, spacing and orientation are those after reordering.
 pub fn describe(imported: &Imported) -> Value {
     let volume = &imported.volume;
     let orientation = volume.orientation.map(|orientation| {
@@ -64,6 +64,7 @@ pub fn describe(imported: &Imported) -> Value {
         "intercept": volume.intercept,
         "orientation": orientation,
         "choices": imported.choices,
+        "choice_names": imported.choice_names,
         "notices": imported.notices,
     })
 }

@@ -3,6 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use crate::ReadOptions;
+use crate::archive::{Archive, ZIP_MAGIC};
+use crate::dicom;
 use crate::error::{FormatError, file_name};
 use crate::metaimage;
 use crate::nifti;
@@ -14,9 +16,6 @@ use crate::stream::Stream;
 use crate::vti;
 use crate::zarr;
 
-/// What every zip archive starts with.
-const ZIP_MAGIC: &[u8] = b"PK\x03\x04";
-
 pub(crate) enum Detected {
     Nrrd,
     Nifti,
@@ -27,7 +26,8 @@ pub(crate) enum Detected {
     /// Slices of a folder, in order.
     Slices(Vec<PathBuf>),
     ZarrFolder(PathBuf),
-    ZarrZip,
+    ZarrZip(Box<Archive>),
+    Dicom,
     Raw(RawLayout),
 }
 
@@ -36,15 +36,17 @@ pub(crate) fn detect(path: &Path, options: &ReadOptions<'_>) -> Result<Detected,
         return Ok(Detected::ZarrFolder(folder));
     }
     if path.is_dir() {
-        return match slices::files_of(path)? {
-            files if files.is_empty() => Err(FormatError::Unrecognised { file: file_name(path) }),
-            files => Ok(Detected::Slices(files)),
-        };
+        let slices = slices::files_of(path)?;
+        return Ok(if slices.is_empty() { Detected::Dicom } else { Detected::Slices(slices) });
     }
     // Content. A raw file that happens to start like one of these is as good as impossible: NIfTI
     // is recognised by two fields 344 bytes apart.
     let mut stream = Stream::open_maybe_gzip(path)?;
     let start = stream.peek_up_to(nifti::DETECTION_BYTES);
+    // First: what precedes a DICOM file's own mark may be the start of another format.
+    if dicom::is_start(&start) {
+        return Ok(Detected::Dicom);
+    }
     if start.starts_with(nrrd::MAGIC) {
         return Ok(Detected::Nrrd);
     }
@@ -61,7 +63,9 @@ pub(crate) fn detect(path: &Path, options: &ReadOptions<'_>) -> Result<Detected,
         return Ok(Detected::Tiff);
     }
     if start.starts_with(ZIP_MAGIC) {
-        return Ok(Detected::ZarrZip);
+        let archive = Archive::open(path, &options.limits)?;
+        let is_zarr = zarr::root_in(&archive).is_some();
+        return Ok(if is_zarr { Detected::ZarrZip(Box::new(archive)) } else { Detected::Dicom });
     }
     if nifti::is_header(&start) {
         return Ok(Detected::Nifti);
@@ -81,6 +85,7 @@ pub(crate) fn detect(path: &Path, options: &ReadOptions<'_>) -> Result<Detected,
         Some("mhd" | "mha") => Ok(Detected::MetaImage),
         Some("vti") => Ok(Detected::Vti),
         Some("tif" | "tiff") => Ok(Detected::Tiff),
+        Some("dcm") => Ok(Detected::Dicom),
         extension => match (raw::read_sidecar(path)?, extension) {
             (Some(layout), _) => Ok(Detected::Raw(layout)),
             (None, Some("raw")) => Err(FormatError::RawWithoutLayout { file }),

@@ -78,8 +78,9 @@ pub enum FormatError {
     /// Neither content nor name tell the format.
     #[error(
         "{file}: not a volume file known here; known are NRRD (.nrrd, .nhdr), NIfTI (.nii, \
-         .nii.gz, .hdr with .img), MetaImage (.mha, .mhd), NumPy (.npy), VTK images (.vti), TIFF \
-         stacks, folders of TIFF or PNG slices, OME-Zarr (folder or .zip) and raw voxels with a layout: {RAW_HELP}"
+         .nii.gz, .hdr with .img), DICOM (.dcm, folders and .zip of them), MetaImage (.mha, .mhd), \
+         NumPy (.npy), VTK images (.vti), TIFF stacks, folders of TIFF or PNG slices, OME-Zarr \
+         (folder or .zip) and raw voxels with a layout: {RAW_HELP}"
     )]
     Unrecognised {
         /// File name.

@@ -11,16 +11,20 @@
 //! | `stream`, `gzip`, `text` | bytes of a file, decoded, with a bound on how many can come |
 //! | `voxels` | bytes to voxels: types, byte order, components, non-finite values |
 //! | `orientation`, `reorder` | axis order and directions to the closest LPS |
+//! | `archive` | zip files: entries, names and sizes bounded |
 //! | `detached` | data files that a header names |
 //! | `half_float` | 16-bit floats |
 //! | `slices` | TIFF files of several pages, folders of TIFF or PNG slices |
 //! | `nrrd`, `nifti`, `npy`, `metaimage`, `vti`, `zarr`, `raw` | headers |
+//! | `dicom` | series of slices |
 //! | `environment` | images of light from all directions |
 //! | `describe` | what `tyndall import` prints |
 
+mod archive;
 mod describe;
 mod detached;
 mod detect;
+mod dicom;
 mod environment;
 mod error;
 mod gzip;
@@ -45,6 +49,7 @@ use proto::scene_file::VoxelType;
 use scene::Volume;
 
 pub use describe::{data_range, describe};
+pub use dicom::is_dicom;
 pub use environment::{ENVIRONMENT_BUDGET, Environment, MAX_RADIANCE, read_environment};
 pub use error::FormatError;
 pub use nrrd::write::write_nrrd;
@@ -71,6 +76,8 @@ pub enum Format {
     OmeZarr,
     /// Voxels without a header; the layout comes from elsewhere.
     Raw,
+    /// DICOM: a series in a folder or zip archive, or a single file.
+    Dicom,
 }
 
 impl Format {
@@ -86,6 +93,7 @@ impl Format {
             Format::Png => "png",
             Format::OmeZarr => "ome-zarr",
             Format::Raw => "raw",
+            Format::Dicom => "dicom",
         }
     }
 }
@@ -152,11 +160,13 @@ pub struct Imported {
     pub file_type: VoxelType,
     /// How many volumes or components the file offers; `index` counts below this.
     pub choices: u64,
+    /// What the choices are called, in the order of `index`; empty where they have no names.
+    pub choice_names: Vec<String>,
     /// What was changed, ignored or assumed, one sentence each, for the user to see.
     pub notices: Vec<String>,
 }
 
-/// Reads a volume file.
+/// Reads a volume file, or a folder with a series of slices.
 ///
 /// The format is decided by content first and by name second. Axes of files with anatomical
 /// orientation are permuted and flipped to the closest LPS; nothing is resampled.
@@ -168,13 +178,14 @@ pub fn read_volume(path: &Path, options: &ReadOptions<'_>) -> Result<Imported, F
     match detect::detect(path, options)? {
         detect::Detected::Nrrd => nrrd::read(path, options),
         detect::Detected::Nifti => nifti::read(path, options),
+        detect::Detected::Dicom => dicom::read(path, options),
         detect::Detected::Npy => npy::read(path, options),
         detect::Detected::MetaImage => metaimage::read(path, options),
         detect::Detected::Vti => vti::read(path, options),
         detect::Detected::Tiff => slices::read_stack(path, options),
         detect::Detected::Slices(files) => slices::read_files(path, files, options),
         detect::Detected::ZarrFolder(folder) => zarr::read_folder(&folder, options),
-        detect::Detected::ZarrZip => zarr::read_zip(path, options),
+        detect::Detected::ZarrZip(archive) => zarr::read_zip(*archive, options),
         detect::Detected::Raw(layout) => raw::read(path, &layout, options),
     }
 }

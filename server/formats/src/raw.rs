@@ -103,6 +103,7 @@ pub(crate) fn read(path: &Path, raw: &RawLayout, options: &ReadOptions<'_>) -> R
         format: Format::Raw,
         file_type: raw.voxel_type,
         choices: layout.choices(),
+        choice_names: Vec::new(),
         notices,
     })
 }

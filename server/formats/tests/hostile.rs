@@ -169,6 +169,19 @@ proptest! {
     }
 
     #[test]
+    fn mutated_dicom(mutations in prop::collection::vec(mutation(), 1..6)) {
+        let folder = tempfile::tempdir().unwrap();
+        let mut bytes = DicomFile::slice("1", 1, 5.0, 3).bytes();
+        let headers = bytes.len() - 24;
+        for mutation in &mutations {
+            apply(&mut bytes, headers, mutation);
+        }
+        read_quickly(&write(folder.path(), "a.dcm", &[&bytes]));
+        write(folder.path(), "b.dcm", &[&DicomFile::slice("1", 2, 6.0, 3).bytes()]);
+        read_quickly(folder.path());
+    }
+
+    #[test]
     fn mutated_gzip(mutations in prop::collection::vec(mutation(), 1..4)) {
         let folder = tempfile::tempdir().unwrap();
         let mut bytes = gzip(&nifti(1).bytes(&[7; 480]));
@@ -332,7 +345,9 @@ proptest! {
     #[test]
     fn random_bytes(bytes in prop::collection::vec(any::<u8>(), 0..2000), name in "[a-z]{1,3}") {
         let folder = tempfile::tempdir().unwrap();
-        for name in ["a.nrrd", "a.nii", "a.mha", "a.npy", "a.tif", "a.vti", "a.zip", "a.raw", &name] {
+        for name in
+            ["a.nrrd", "a.nii", "a.nii.gz", "a.mha", "a.npy", "a.tif", "a.vti", "a.zip", "a.raw", "a.dcm", &name]
+        {
             read_quickly(&write(folder.path(), name, &[&bytes]));
         }
         read_quickly(&write(folder.path(), "a.nrrd", &[b"NRRD0004\n", &bytes]));

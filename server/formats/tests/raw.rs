@@ -93,7 +93,7 @@ fn what_is_missing_or_wrong_is_said() {
     let path = write(folder.path(), "a.txt", &[b"hello"]);
     refused(read(&path), "a.txt", &[".nrrd", ".nii", "raw"]);
     refused(read(&folder.path().join("absent.nrrd")), "absent.nrrd", &["open"]);
-    refused(read(folder.path()), "", &["not a volume file"]);
+    refused(read(folder.path()), "", &["no DICOM image"]);
 }
 
 #[test]

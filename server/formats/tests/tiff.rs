@@ -113,7 +113,7 @@ fn folders_of_slices_are_read_in_the_order_of_their_numbers() {
         refused(read(folder.path()), "s5", &["expected"]);
     }
     let empty = tempfile::tempdir().unwrap();
-    refused(read(empty.path()), "", &["not a volume file"]);
+    refused(read(empty.path()), "", &["no DICOM image"]);
 }
 
 #[test]

@@ -93,7 +93,7 @@ impl Default for Limits {
     fn default() -> Self {
         Self {
             max_upload_bytes: 2 << 30,
-            max_upload_files: 16,
+            max_upload_files: 4096,
             max_uploads: 4,
             max_json_bytes: 1 << 20,
             max_datasets: 1000,

@@ -1,11 +1,12 @@
 /** Samples, own datasets and uploads. */
 
-import { Button, FileButton } from "@mantine/core";
+import { Button, FileButton, NativeSelect } from "@mantine/core";
 import { useState } from "react";
 import { IconButton, Section } from "../app/controls";
 import { Icon } from "../app/Icon";
 import { sayError } from "../app/say";
 import type { Dataset } from "../generated/proto";
+import { session } from "../session/engine";
 import { useSession } from "../session/store";
 import { formatDims } from "./format";
 import { explore, refreshDatasets, removeDataset, takeFiles, useDatasets } from "./store";
@@ -28,7 +29,7 @@ export function DatasetsPanel() {
             <Button {...props} fullWidth variant="default" leftSection={<Icon name="upload" size={13} />} data-testid="upload-button">Upload a volume</Button>
           )}
         </FileButton>
-        <p className="hint">or drop files anywhere: NRRD, NIfTI, MetaImage, NumPy, VTI, TIFF, zipped OME-Zarr, raw, or a saved scene</p>
+        <p className="hint">or drop files anywhere: DICOM (files, a folder or a zip), NRRD, NIfTI, MetaImage, NumPy, VTI, TIFF, zipped OME-Zarr, raw, or a saved scene</p>
       </div>
       <UploadTiles />
       {error !== null && (
@@ -75,7 +76,18 @@ function Card({ dataset }: { dataset: Dataset }) {
         </div>
       )}
       {error !== null && <p className="note note-danger" role="alert" data-testid="dataset-error">{error}</p>}
+      {current && dataset.choices.length > 1 && <VolumeChoice choices={dataset.choices} />}
       {details && <DatasetFacts dataset={dataset} />}
     </li>
+  );
+}
+
+/** Which of the open dataset's volumes is shown. */
+function VolumeChoice({ choices }: { choices: readonly string[] }) {
+  const index = useSession((state) => state.scene?.volume.index ?? 0);
+  return (
+    <NativeSelect aria-label="Volume" data-testid="volume-choice" value={String(index)}
+      data={choices.map((label, choice) => ({ label, value: String(choice) }))}
+      onChange={(event) => session.edit({ volume: { index: Number(event.currentTarget.value) } })} />
   );
 }

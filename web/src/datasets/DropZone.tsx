@@ -3,6 +3,7 @@
 import { useEffect, useState } from "react";
 import { sayError } from "../app/say";
 import { useUi } from "../app/uiStore";
+import { droppedFiles } from "./dropped";
 import { takeFiles } from "./store";
 
 export function DropZone() {
@@ -30,7 +31,7 @@ export function DropZone() {
       depth = 0;
       setOver(false);
       useUi.setState({ leftOpen: true });
-      void takeFiles([...(event.dataTransfer?.files ?? [])]).catch(sayError);
+      if (event.dataTransfer) void droppedFiles(event.dataTransfer).then(takeFiles).catch(sayError);
     };
     const listening = new AbortController();
     const { signal } = listening;
@@ -45,7 +46,7 @@ export function DropZone() {
     <div className="drop-zone" data-testid="drop-zone">
       <div>
         <strong>Drop to upload</strong>
-        <span>A header and its data together are one dataset. A scene file opens.</span>
+        <span>A header and its data, or the slices of a series, are one dataset. A scene file opens.</span>
       </div>
     </div>
   );

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { formatBytes } from "./format";
-import { groupFiles, guessLayout, layoutProblem, sidecarName } from "./grouping";
+import { distinctNames, groupFiles, guessLayout, layoutProblem, sidecarName } from "./grouping";
 import { Turns } from "./turns";
 import { SpeedMeter } from "./upload";
 
@@ -21,6 +21,15 @@ describe("dropped files", () => {
 
   it("are one dataset when they are a series", () => {
     expect(groups("1.dcm", "2.dcm", "x.nii.gz")).toEqual([["1.dcm", "2.dcm"], ["x.nii.gz"]]);
+  });
+
+  it("are a series without extensions, too", () => {
+    expect(groups("IM0001", "IM0002", "1.2.840.1", "a.nrrd")).toEqual([["IM0001", "IM0002", "1.2.840.1"], ["a.nrrd"]]);
+    expect(groups("scan.zip")).toEqual([["scan.zip"]]);
+  });
+
+  it("get distinct names", () => {
+    expect(distinctNames(["a", "a", "b", "a"])).toEqual(["a", "2-a", "b", "3-a"]);
   });
 
   it("need a layout only when raw and alone", () => {

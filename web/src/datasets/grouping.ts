@@ -29,7 +29,9 @@ export interface RawLayout {
 
 const HEADER_EXTENSIONS = ["nhdr", "mhd", "hdr", "json"];
 const RAW_EXTENSIONS = ["raw", "bin", "dat", "vol"];
-const SERIES_EXTENSIONS = ["dcm"];
+const SERIES_EXTENSIONS = ["dcm", "dicom", "ima"];
+/** Scanners also name slices `IM0001` or `1.2.840.113619.2`. */
+const SLICE_NAME = /^[^.]+$|^[\d.]+$|^I\d+\.\d+$/i;
 /** Extensions that stand behind another one. */
 const PACKED = /\.(gz|zst|bz2|xz|zip)$/i;
 
@@ -47,7 +49,9 @@ export const sidecarName = (rawName: string): string => `${rawName}.json`;
 export function groupFiles<F extends Named>(files: readonly F[]): Group<F>[] {
   const isHeader = (file: F) => HEADER_EXTENSIONS.includes(extensionOf(file.name));
   const headers = files.filter(isHeader);
-  const series = files.filter((file) => SERIES_EXTENSIONS.includes(extensionOf(file.name)));
+  const slices = files.filter((file) => SERIES_EXTENSIONS.includes(extensionOf(file.name)) || SLICE_NAME.test(file.name));
+  // A single file without an extension may be anything; a series has several.
+  const series = slices.length > 1 ? slices : slices.filter((file) => SERIES_EXTENSIONS.includes(extensionOf(file.name)));
   const rest = files.filter((file) => !isHeader(file) && !series.includes(file));
   const taken = new Set<F>();
   const groups: Group<F>[] = headers.map((header) => {
@@ -62,6 +66,17 @@ export function groupFiles<F extends Named>(files: readonly F[]): Group<F>[] {
     groups.push({ name: file.name, files: [file], needsLayout: RAW_EXTENSIONS.includes(extensionOf(file.name)) });
   }
   return groups;
+}
+
+/** Names that differ: slices in several folders often have the same. */
+export function distinctNames(names: readonly string[]): string[] {
+  const taken = new Set<string>();
+  return names.map((name) => {
+    let distinct = name;
+    for (let count = 2; taken.has(distinct); count += 1) distinct = `${count}-${name}`;
+    taken.add(distinct);
+    return distinct;
+  });
 }
 
 const typeWords: readonly [RegExp, VoxelType][] = [

@@ -2,6 +2,7 @@
 
 import { problemFrom, ProblemError, unreachable, uploadUrl } from "../api/rest";
 import type { Dataset } from "../generated/proto";
+import { distinctNames } from "./grouping";
 
 /** Window of the shown speed, milliseconds. */
 const SPEED_WINDOW_MILLIS = 3000;
@@ -52,7 +53,8 @@ export function startUpload(files: readonly File[], onProgress: (progress: Progr
     request.onabort = () => reject(new DOMException("cancelled", "AbortError"));
   });
   const form = new FormData();
-  for (const file of files) form.append("file", file, file.name);
+  const names = distinctNames(files.map((file) => file.name));
+  files.forEach((file, index) => form.append("file", file, names[index]));
   request.open("POST", uploadUrl);
   request.send(form);
   return { done, cancel: () => request.abort() };

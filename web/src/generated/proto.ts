@@ -704,6 +704,10 @@ created_unix_millis: number,
  */
 notices: Array<string>, 
 /**
+ * Names of the volumes a scene can choose from by `volume.index`; empty where there is one.
+ */
+choices: Array<string>, 
+/**
  * Where the data comes from and under which licence, where that is known.
  */
 attribution?: string, };

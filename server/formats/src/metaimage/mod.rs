@@ -82,6 +82,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions<'_>) -> Result<Imported, F
         format: Format::MetaImage,
         file_type: voxel_type,
         choices: layout.choices(),
+        choice_names: Vec::new(),
         notices,
     })
 }

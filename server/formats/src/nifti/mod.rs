@@ -113,6 +113,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions<'_>) -> Result<Imported, F
         format: Format::Nifti,
         file_type: datatype.voxel_type,
         choices: layout.choices(),
+        choice_names: Vec::new(),
         notices,
     })
 }

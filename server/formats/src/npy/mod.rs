@@ -88,6 +88,7 @@ pub(crate) fn read_stream(
         format: Format::Npy,
         file_type: voxel_type,
         choices: layout.choices(),
+        choice_names: Vec::new(),
         notices,
     })
 }

@@ -51,6 +51,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions<'_>) -> Result<Imported, F
         format: Format::Nrrd,
         file_type: voxel_type,
         choices: layout.choices(),
+        choice_names: Vec::new(),
         notices,
     })
 }

@@ -173,6 +173,7 @@ impl Plan<'_> {
             format,
             file_type: self.page.voxel_type,
             choices: layout.choices(),
+            choice_names: Vec::new(),
             notices,
         })
     }

@@ -64,6 +64,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions<'_>) -> Result<Imported, F
         format: Format::Vti,
         file_type: voxel_type,
         choices,
+        choice_names: Vec::new(),
         notices,
     })
 }

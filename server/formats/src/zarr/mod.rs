@@ -16,6 +16,7 @@ use std::rc::Rc;
 
 use proto::scene_file::Endian;
 
+use crate::archive::Archive;
 use crate::error::FormatError;
 use crate::half_float;
 use crate::orientation::Stored;
@@ -27,6 +28,7 @@ use array::Array;
 use multiscale::{Level, Multiscale};
 use slabs::{Cut, Slabs};
 use store::Store;
+pub(crate) use store::root_in;
 
 /// Whether a folder is a Zarr hierarchy.
 pub(crate) fn is_hierarchy(folder: &Path) -> bool {
@@ -39,8 +41,8 @@ pub(crate) fn read_folder(path: &Path, options: &ReadOptions<'_>) -> Result<Impo
 }
 
 /// Reads the hierarchy in a zip archive.
-pub(crate) fn read_zip(path: &Path, options: &ReadOptions<'_>) -> Result<Imported, FormatError> {
-    read(Store::zip(path)?, options)
+pub(crate) fn read_zip(archive: Archive, options: &ReadOptions<'_>) -> Result<Imported, FormatError> {
+    read(Store::zip(archive)?, options)
 }
 
 /// A level that can be read.
@@ -108,6 +110,7 @@ fn read(mut store: Store, options: &ReadOptions<'_>) -> Result<Imported, FormatE
         format: Format::OmeZarr,
         file_type: layout.voxel_type,
         choices,
+        choice_names: Vec::new(),
         notices,
     })
 }

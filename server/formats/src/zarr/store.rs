@@ -2,16 +2,12 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use zip::ZipArchive;
-
 use crate::ReadOptions;
+use crate::archive::{Archive, Entry};
 use crate::error::{FormatError, file_name, quoted};
-
-/// Most entries of an archive.
-const MAX_ENTRIES: usize = 1 << 20;
 
 /// A Zarr hierarchy.
 pub(super) struct Store {
@@ -22,15 +18,15 @@ pub(super) struct Store {
 
 enum Inner {
     Folder { root: PathBuf, siblings_only: bool },
-    Zip(Box<Archive>),
+    Zip(Box<Zipped>),
 }
 
-struct Archive {
-    archive: ZipArchive<BufReader<File>>,
+struct Zipped {
+    archive: Archive,
     /// Entry of each key.
-    entries: BTreeMap<String, usize>,
-    /// The entry read last, for shards that are read piece by piece.
-    last: Option<(usize, Vec<u8>)>,
+    entries: BTreeMap<String, Entry>,
+    /// The value read last, for shards that are read piece by piece.
+    last: Option<(String, Vec<u8>)>,
 }
 
 /// Which part of a value to read.
@@ -43,6 +39,16 @@ pub(super) enum Part {
     End(u64),
 }
 
+/// The folder of an archive in which a Zarr hierarchy lies, with a slash at its end unless it is the
+/// archive's own; `None` if there is none.
+pub(crate) fn root_in(archive: &Archive) -> Option<String> {
+    let marks = ["zarr.json", ".zattrs", ".zgroup"];
+    let names = archive.entries().iter().map(|entry| entry.name.as_str());
+    let roots = names.filter_map(|name| marks.iter().find_map(|mark| name.strip_suffix(mark)));
+    let roots = roots.filter(|root| root.is_empty() || root.ends_with('/'));
+    roots.min_by_key(|root| root.len()).map(str::to_owned)
+}
+
 impl Store {
     pub(super) fn folder(path: &Path, options: &ReadOptions<'_>) -> Result<Self, FormatError> {
         let file = file_name(path);
@@ -50,47 +56,16 @@ impl Store {
         Ok(Self { file, inner: Inner::Folder { root, siblings_only: options.siblings_only } })
     }
 
-    /// Opens an archive whose hierarchy may lie in a folder of it.
-    pub(super) fn zip(path: &Path) -> Result<Self, FormatError> {
-        let file = file_name(path);
-        let (_, reader, _) = crate::stream::Stream::open(path)?.into_plain()?;
-        let archive = ZipArchive::new(reader)
-            .map_err(|error| FormatError::corrupt(&file, format!("the archive is damaged: {error}")))?;
-        if archive.len() > MAX_ENTRIES {
-            let (what, got) = ("entries of the archive", archive.len().to_string());
-            return Err(FormatError::TooLarge { file, what, got, limit: MAX_ENTRIES as u64 });
-        }
-        let mut names = BTreeMap::new();
-        for index in 0..archive.len() {
-            let Some(Ok(name)) = archive.name_for_index(index) else {
-                let expected = "a name that can be read";
-                return Err(FormatError::field(&file, "entry", index, expected));
-            };
-            let name = name.into_owned();
-            if !is_inside(name.trim_end_matches('/')) {
-                let expected = "names inside of the archive";
-                return Err(FormatError::field(&file, "entry", name, expected));
-            }
-            names.insert(name, index);
-        }
-        let marks = ["zarr.json", ".zattrs", ".zgroup"];
-        let prefix = names
-            .keys()
-            .filter_map(|name| marks.iter().find_map(|mark| name.strip_suffix(mark)))
-            .filter(|prefix| prefix.is_empty() || prefix.ends_with('/'))
-            .min_by_key(|prefix| prefix.len())
-            .map(str::to_owned);
-        let Some(prefix) = prefix else {
-            return Err(FormatError::unsupported(
-                &file,
-                "an archive without OME-Zarr in it",
-                "unpack it and open the files",
-            ));
+    /// A hierarchy that may lie in a folder of the archive.
+    pub(super) fn zip(archive: Archive) -> Result<Self, FormatError> {
+        let file = archive.file.clone();
+        let Some(root) = root_in(&archive) else {
+            let what = "an archive without OME-Zarr in it";
+            return Err(FormatError::unsupported(&file, what, "unpack it and open the files"));
         };
-        let entries =
-            names.iter().filter_map(|(name, index)| Some((name.strip_prefix(&prefix)?.to_owned(), *index)));
-        let entries = entries.collect();
-        Ok(Self { file, inner: Inner::Zip(Box::new(Archive { archive, entries, last: None })) })
+        let of_root = |entry: &Entry| Some((entry.name.strip_prefix(&root)?.to_owned(), entry.clone()));
+        let entries = archive.entries().iter().filter_map(of_root).collect();
+        Ok(Self { file, inner: Inner::Zip(Box::new(Zipped { archive, entries, last: None })) })
     }
 
     /// The value of a key, `None` if it is not there.
@@ -119,25 +94,21 @@ impl Store {
                 Ok(Some(bytes))
             }
             Inner::Zip(zip) => {
-                let Some(index) = zip.entries.get(key).copied() else { return Ok(None) };
-                let bad = |error: &dyn std::fmt::Display| {
-                    FormatError::corrupt(file, format!("{} cannot be unpacked: {error}", quoted(key)))
-                };
-                if zip.last.as_ref().is_none_or(|(last, _)| *last != index) {
-                    let entry = zip.archive.by_index(index).map_err(|error| bad(&error))?;
+                let Some(entry) = zip.entries.get(key) else { return Ok(None) };
+                if zip.last.as_ref().is_none_or(|(last, _)| last != key) {
                     let most_unpacked = match part {
                         Part::Whole => most,
                         _ => most.saturating_mul(MAX_SHARD_PARTS),
                     };
-                    let mut bytes = Vec::new();
-                    entry
-                        .take(most_unpacked.saturating_add(1))
-                        .read_to_end(&mut bytes)
-                        .map_err(|e| bad(&e))?;
-                    if bytes.len() as u64 > most_unpacked {
-                        return Err(bad(&format!("it has more than {most_unpacked} bytes")));
+                    if entry.bytes > most_unpacked {
+                        return Err(FormatError::TooLarge {
+                            file: format!("{file}/{key}"),
+                            what: "bytes of a stored chunk",
+                            got: entry.bytes.to_string(),
+                            limit: most_unpacked,
+                        });
                     }
-                    zip.last = Some((index, bytes));
+                    zip.last = Some((key.to_owned(), zip.archive.read(entry)?));
                 }
                 let Some((_, bytes)) = &zip.last else { return Ok(None) };
                 let (start, count) = range(file, key, part, bytes.len() as u64, most)?;

@@ -272,3 +272,83 @@ impl NiftiFile {
         [self.header(), voxels.to_vec()].concat()
     }
 }
+
+/// A DICOM file to be written: Explicit VR Little Endian, 16-bit signed.
+#[derive(Clone)]
+pub struct DicomFile {
+    pub elements: std::collections::BTreeMap<u32, (&'static str, Vec<u8>)>,
+    pub pixels: Vec<i16>,
+}
+
+impl DicomFile {
+    /// An axial slice of 4 x 3 pixels, 0.5 and 0.75 mm apart, at a height.
+    pub fn slice(series: &str, instance: i32, z: f64, first: i16) -> Self {
+        let mut file = Self { elements: Default::default(), pixels: (0..12).map(|i| first + i).collect() };
+        for (tag, representation, value) in [
+            (0x0008_0060, "CS", "CT".to_owned()),
+            (0x0008_103E, "LO", format!("series {series}")),
+            (0x0010_0010, "PN", "DOE^JANE".to_owned()),
+            (0x0010_0020, "LO", "PATIENT-4711".to_owned()),
+            (0x0020_000E, "UI", format!("1.2.3.{series}")),
+            (0x0020_0013, "IS", instance.to_string()),
+            (0x0020_0032, "DS", format!("-10\\-20\\{z}")),
+            (0x0020_0037, "DS", "1\\0\\0\\0\\1\\0".to_owned()),
+            (0x0028_0004, "CS", "MONOCHROME2".to_owned()),
+            (0x0028_0030, "DS", "0.75\\0.5".to_owned()),
+            (0x0028_1052, "DS", "-1000".to_owned()),
+            (0x0028_1053, "DS", "1".to_owned()),
+        ] {
+            file.text(tag, representation, &value);
+        }
+        for (tag, value) in [
+            (0x0028_0002, 1),
+            (0x0028_0010, 3),
+            (0x0028_0011, 4),
+            (0x0028_0100, 16),
+            (0x0028_0101, 16),
+            (0x0028_0102, 15),
+            (0x0028_0103, 1),
+        ] {
+            file.number(tag, value);
+        }
+        file
+    }
+
+    pub fn text(&mut self, tag: u32, representation: &'static str, value: &str) {
+        self.elements.insert(tag, (representation, value.as_bytes().to_vec()));
+    }
+
+    pub fn number(&mut self, tag: u32, value: u16) {
+        self.elements.insert(tag, ("US", value.to_le_bytes().to_vec()));
+    }
+
+    pub fn bytes(&self) -> Vec<u8> {
+        fn element(out: &mut Vec<u8>, tag: u32, representation: &str, mut value: Vec<u8>) {
+            if value.len() % 2 == 1 {
+                value.push(if representation == "UI" { 0 } else { b' ' });
+            }
+            out.extend(((tag >> 16) as u16).to_le_bytes());
+            out.extend((tag as u16).to_le_bytes());
+            out.extend(representation.as_bytes());
+            if representation == "OW" {
+                out.extend([0, 0]);
+                out.extend((value.len() as u32).to_le_bytes());
+            } else {
+                out.extend((value.len() as u16).to_le_bytes());
+            }
+            out.extend(value);
+        }
+        let mut meta = Vec::new();
+        element(&mut meta, 0x0002_0010, "UI", b"1.2.840.10008.1.2.1".to_vec());
+        let mut out = vec![0; 128];
+        out.extend(b"DICM");
+        element(&mut out, 0x0002_0000, "UL", (meta.len() as u32).to_le_bytes().to_vec());
+        out.extend(meta);
+        for (tag, (representation, value)) in &self.elements {
+            element(&mut out, *tag, representation, value.clone());
+        }
+        let pixels = self.pixels.iter().flat_map(|value| value.to_le_bytes()).collect();
+        element(&mut out, 0x7FE0_0010, "OW", pixels);
+        out
+    }
+}

@@ -7,6 +7,7 @@ pub mod default_scene;
 pub mod receive;
 pub mod routes;
 pub mod samples;
+mod series;
 pub mod storage;
 pub mod volumes;
 
@@ -19,7 +20,7 @@ use scene::PreparedVolume;
 
 use crate::config::Limits;
 use crate::problem::{Answer, Fault};
-use storage::{Manifest, Storage};
+use storage::{Manifest, Storage, StoredVolume};
 
 /// Digits of a dataset's identifier, taken from its content hash.
 const ID_DIGITS: usize = 16;
@@ -117,6 +118,7 @@ impl Catalog {
         folder: &Path,
         content: &str,
         main_file: &str,
+        volumes: Vec<StoredVolume>,
         mut dataset: Dataset,
     ) -> Answer<(Dataset, bool)> {
         let _writing = self.writing.lock();
@@ -126,7 +128,8 @@ impl Catalog {
         self.check_count()?;
         let short: String = content.chars().take(ID_DIGITS).collect();
         dataset.id = if self.get(&short).is_some() { content.into() } else { short };
-        let manifest = Manifest::new(content.into(), main_file.into(), dataset.clone());
+        let mut manifest = Manifest::new(content.into(), main_file.into(), dataset.clone());
+        manifest.volumes = volumes;
         self.storage
             .store(folder, &manifest)
             .map_err(|error| Fault::internal("storing a dataset", &error))?;
@@ -201,6 +204,7 @@ pub fn describe(prepared: &PreparedVolume, id: &str, name: &str, format: &str) -
         bytes: volume.voxels.bytes() as u64,
         created_unix_millis: 0,
         notices: Vec::new(),
+        choices: Vec::new(),
         attribution: None,
     }
 }

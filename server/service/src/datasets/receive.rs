@@ -14,7 +14,7 @@ use proto::rest::Dataset;
 use tokio::io::AsyncWriteExt;
 
 use super::storage::random_hex;
-use super::{Reservation, volumes};
+use super::{Reservation, series, volumes};
 use crate::App;
 use crate::problem::{Answer, Fault};
 
@@ -25,6 +25,8 @@ const MIN_BYTES_PER_SECOND: f64 = 1024.0;
 const GRACE: Duration = Duration::from_secs(60);
 /// Bytes gathered before they are handed to the file system.
 const WRITE_BYTES: usize = 1 << 20;
+/// Most volumes of a file without names for them that can be chosen on the page.
+const MAX_LISTED_CHOICES: u64 = 512;
 /// Longest file name kept, characters.
 const MAX_NAME_CHARS: usize = 100;
 
@@ -40,7 +42,7 @@ pub struct Incoming<'a> {
 }
 
 /// A temporary folder; removed with everything in it when dropped.
-struct Folder(PathBuf);
+pub(super) struct Folder(pub(super) PathBuf);
 
 impl Drop for Folder {
     fn drop(&mut self) {
@@ -170,17 +172,42 @@ fn import(
     bytes: u64,
     limits: &crate::config::Limits,
 ) -> Answer<(Dataset, bool)> {
-    let read = volumes::read(&folder.join(main_file), None, limits, &|_| {})
-        .map_err(|error| Fault::unreadable_file(error.to_string()))?;
+    let path = if is_series(folder) { folder.to_owned() } else { folder.join(main_file) };
+    let read = volumes::read(&path, None, limits, &|_| {}).map_err(|error| {
+        // The folder's name means nothing to the client.
+        let own_name = folder.file_name().unwrap_or_default().to_string_lossy();
+        Fault::unreadable_file(error.to_string().replace(own_name.as_ref(), "The upload"))
+    })?;
+    if read.format == formats::Format::Dicom {
+        return series::import(app, &path, content, bytes, read);
+    }
     let prepared = scene::PreparedVolume::new(read.volume, &|_| {});
     let mut dataset = super::describe(&prepared, "", display_name(main_file), read.format.name());
     dataset.voxel_type = read.file_type;
     dataset.bytes = bytes;
     dataset.notices = read.notices;
+    dataset.choices = choices(read.choices, read.choice_names);
     dataset.created_unix_millis = crate::unix_millis();
-    let (dataset, new) = app.catalog().store(folder, content, main_file, dataset)?;
+    let (dataset, new) = app.catalog().store(folder, content, main_file, Vec::new(), dataset)?;
     app.volumes().offer(volumes::Key::dataset(&dataset.id), prepared);
     Ok((dataset, new))
+}
+
+/// Whether a received folder holds several files of which one is DICOM.
+fn is_series(folder: &Path) -> bool {
+    let files: Vec<PathBuf> = std::fs::read_dir(folder)
+        .map(|entries| entries.filter_map(|entry| Some(entry.ok()?.path())).collect())
+        .unwrap_or_default();
+    files.len() > 1 && files.iter().any(|path| formats::is_dicom(path))
+}
+
+/// Names of the volumes to choose from; numbers where the file has no names for them.
+fn choices(count: u64, names: Vec<String>) -> Vec<String> {
+    match count {
+        0..=1 => Vec::new(),
+        _ if !names.is_empty() => names,
+        _ => (1..=count.min(MAX_LISTED_CHOICES)).map(|number| format!("{number} of {count}")).collect(),
+    }
 }
 
 /// BLAKE3 of an upload: of its only file, or of the names and hashes of its files.

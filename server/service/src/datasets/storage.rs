@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! data/datasets/<id>.json      one manifest per dataset: its existence is the dataset's existence
-//! data/blobs/<content>/...     the uploaded files, in a folder named by their hash
+//! data/blobs/<content>/...     the uploaded files, in a folder named by their hash; of DICOM, the
+//!                              volumes read from them, and nothing else
 //! data/incoming/...            uploads under way; emptied at start
 //! data/thumbnails/...          pictures that can be drawn again
 //! data/samples/...             scans that come with the service, written out for the readers
@@ -37,12 +38,26 @@ pub struct Manifest {
     pub main_file: String,
     /// What clients are told.
     pub dataset: Dataset,
+    /// Volumes that were read from the upload and are kept in its place, in the order of
+    /// `volume.index`; empty where the uploaded files themselves are kept.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub volumes: Vec<StoredVolume>,
+}
+
+/// A volume that is kept in place of the files it was read from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StoredVolume {
+    /// Its file in the blob folder.
+    pub file: String,
+    /// Bytes of its voxels in memory.
+    pub memory_bytes: u64,
 }
 
 impl Manifest {
     /// A manifest of the present version.
     pub fn new(content: String, main_file: String, dataset: Dataset) -> Self {
-        Self { version: MANIFEST_VERSION, content, main_file, dataset }
+        Self { version: MANIFEST_VERSION, content, main_file, dataset, volumes: Vec::new() }
     }
 }
 
@@ -85,6 +100,16 @@ impl Storage {
     /// The file a reader opens for a dataset.
     pub fn main_file(&self, manifest: &Manifest) -> PathBuf {
         self.blob(&manifest.content).join(&manifest.main_file)
+    }
+
+    /// The file of one of several volumes of a dataset, and the index to read it with; `None` if
+    /// there is no such volume.
+    pub fn volume_file(&self, manifest: &Manifest, index: Option<u32>) -> Option<(PathBuf, Option<u32>)> {
+        if manifest.volumes.is_empty() {
+            return Some((self.main_file(manifest), index));
+        }
+        let volume = manifest.volumes.get(index.unwrap_or(0) as usize)?;
+        Some((self.blob(&manifest.content).join(&volume.file), None))
     }
 
     /// A thumbnail's place; `key` names what it was drawn from.
@@ -166,7 +191,8 @@ impl Storage {
             return Err(format!("version {} is not known", manifest.version));
         }
         let plain = |name: &str| Path::new(name).file_name().is_some_and(|n| n == name);
-        if !plain(&manifest.content) || !plain(&manifest.main_file) {
+        let volumes_are_plain = manifest.volumes.iter().all(|volume| plain(&volume.file));
+        if !plain(&manifest.content) || !plain(&manifest.main_file) || !volumes_are_plain {
             return Err("it names a file outside its folder".into());
         }
         if !self.main_file(&manifest).is_file() {
@@ -242,6 +268,7 @@ mod tests {
             bytes: 1,
             created_unix_millis: 1,
             notices: Vec::new(),
+            choices: Vec::new(),
             attribution: None,
         };
         Manifest::new(content.into(), "a.nrrd".into(), dataset)

@@ -16,6 +16,7 @@ use scene::PreparedVolume;
 use tokio::sync::{Semaphore, watch};
 
 use super::samples::{self, Origin, Samples};
+use super::storage::Manifest;
 use super::{Catalog, no_such_dataset};
 use crate::config::Limits;
 use crate::problem::{Answer, Fault};
@@ -115,7 +116,8 @@ impl Volumes {
         if self.catalog.get(id).is_none() {
             return Err(FieldError::new("volume.dataset", no_such_dataset(id).problem.detail));
         }
-        Ok(Key::Dataset(id.to_owned(), source.index))
+        // The first volume is the one that is shown without an index.
+        Ok(Key::Dataset(id.to_owned(), source.index.filter(|index| *index > 0)))
     }
 
     /// A volume, loaded if need be; `progress` is told 0..1.
@@ -209,7 +211,12 @@ impl Volumes {
                 Some(Origin::Builtin(kind, dims)) => samples::build(*kind, *dims, &decoding),
                 None => {
                     let manifest = self.catalog.get(id).ok_or_else(|| no_such_dataset(id))?;
-                    from_file(&self.catalog.storage().main_file(&manifest), *index)?
+                    let (path, index) = self
+                        .catalog
+                        .storage()
+                        .volume_file(&manifest, *index)
+                        .ok_or_else(|| no_such_volume(&manifest))?;
+                    from_file(&path, index)?
                 }
             },
         };
@@ -222,12 +229,23 @@ impl Volumes {
         let of_dataset = |dataset: &Dataset| voxel_count(dataset.dims) * memory_bytes(dataset.voxel_type);
         Ok(match key {
             Key::Builtin(_, dims) => voxel_count(*dims) * MAX_VOXEL_BYTES,
-            Key::Dataset(id, _) => match self.samples.get(id) {
+            Key::Dataset(id, index) => match self.samples.get(id) {
                 Some(sample) => of_dataset(&sample.dataset),
-                None => of_dataset(&self.catalog.get(id).ok_or_else(|| no_such_dataset(id))?.dataset),
+                None => {
+                    let manifest = self.catalog.get(id).ok_or_else(|| no_such_dataset(id))?;
+                    match manifest.volumes.get(index.unwrap_or(0) as usize) {
+                        Some(volume) => volume.memory_bytes,
+                        None => of_dataset(&manifest.dataset),
+                    }
+                }
             },
         })
     }
+}
+
+fn no_such_volume(manifest: &Manifest) -> Fault {
+    let count = manifest.volumes.len();
+    Fault::unreadable_file(format!("The dataset has {count} volumes; `volume.index` counts below that."))
 }
 
 impl State {

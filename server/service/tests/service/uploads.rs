@@ -1,7 +1,7 @@
 //! Uploads: every way in, and every way to be refused without leaving a trace.
 
 use axum::body::{Body, Bytes};
-use axum::http::{StatusCode, header};
+use axum::http::{Method, StatusCode, header};
 use tokio::io::AsyncWriteExt;
 
 use crate::support::{Service, ball, nrrd};
@@ -214,4 +214,87 @@ async fn wait_until_stored(service: &Service, files: usize) {
         tokio::time::sleep(std::time::Duration::from_millis(10)).await;
     }
     panic!("expected {files} files: {:?}", service.stored_files());
+}
+
+/// A DICOM slice of 4 x 3 pixels that names its patient.
+fn slice(series: &str, z: i32) -> Vec<u8> {
+    let mut bytes = vec![0; 128];
+    bytes.extend(b"DICM");
+    let mut element = |group: u16, number: u16, representation: &str, value: &[u8]| {
+        bytes.extend(group.to_le_bytes());
+        bytes.extend(number.to_le_bytes());
+        bytes.extend(representation.as_bytes());
+        let padded = value.len() + value.len() % 2;
+        match representation {
+            "OW" => bytes.extend((padded as u64 * 0x1_0000).to_le_bytes()[..6].iter()),
+            _ => bytes.extend((padded as u16).to_le_bytes()),
+        }
+        bytes.extend(value);
+        bytes.resize(bytes.len() + padded - value.len(), b' ');
+    };
+    element(2, 0x10, "UI", b"1.2.840.10008.1.2.1\0");
+    element(8, 0x60, "CS", b"CT");
+    element(8, 0x103E, "LO", format!("part {series}").as_bytes());
+    element(0x10, 0x10, "PN", b"DOE^JANE");
+    element(0x20, 0xE, "UI", format!("1.2.{series}").as_bytes());
+    element(0x20, 0x32, "DS", format!("0\\0\\{z}").as_bytes());
+    element(0x20, 0x37, "DS", b"1\\0\\0\\0\\1\\0");
+    element(0x28, 2, "US", &[1, 0]);
+    element(0x28, 4, "CS", b"MONOCHROME2");
+    for (number, value) in [(0x10, 3), (0x11, 4), (0x100, 8), (0x101, 8), (0x102, 7), (0x103, 0)] {
+        element(0x28, number, "US", &[value, 0]);
+    }
+    element(0x28, 0x30, "DS", b"1\\1");
+    element(0x7FE0, 0x10, "OW", &(0..12).map(|i| i + z as u8).collect::<Vec<_>>());
+    bytes
+}
+
+#[tokio::test]
+async fn of_dicom_the_volumes_are_kept_and_no_patient() {
+    let service = Service::new();
+    let files: Vec<(String, Vec<u8>)> = [("1", 0), ("1", 2), ("1", 4), ("2", 0), ("2", 5)]
+        .map(|(series, z)| (format!("DOE_JANE_{series}_{z}.dcm"), slice(series, z)))
+        .into();
+    let parts: Vec<(&str, &str, &[u8])> =
+        files.iter().map(|(name, bytes)| ("file", name.as_str(), bytes.as_slice())).collect();
+    let answer = service.form(&parts).await;
+    assert_eq!(answer.status, StatusCode::CREATED, "{}", answer.json());
+    let dataset = answer.json();
+    assert_eq!(dataset["format"], "dicom");
+    assert_eq!(dataset["name"], "CT part 1");
+    assert_eq!(dataset["dims"], serde_json::json!([4, 3, 3]));
+    assert_eq!(
+        dataset["choices"],
+        serde_json::json!(["CT part 1 (4 x 3, 3 slices)", "CT part 2 (4 x 3, 2 slices)"])
+    );
+    // A manifest and a folder of volumes; nothing of the upload.
+    wait_until_stored(&service, 2).await;
+    let mut folders = vec![service.folder.path().to_owned()];
+    let mut read = 0;
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            assert!(!path.to_string_lossy().contains("DOE"), "{path:?}");
+            if path.is_dir() {
+                folders.push(path);
+                continue;
+            }
+            let bytes = std::fs::read(&path).unwrap();
+            assert!(!bytes.windows(3).any(|window| window == b"DOE"), "{path:?}");
+            read += 1;
+        }
+    }
+    assert!(read >= 3, "only {read} files were looked at");
+    // Either series can be shown.
+    let id = dataset["id"].as_str().unwrap();
+    for (index, found) in [(0, true), (1, true), (2, false)] {
+        let scene = serde_json::json!({"scene": {"version": 1, "volume": {"dataset": id, "index": index}}});
+        let answer = service.json(Method::POST, "/sessions", scene).await;
+        assert_eq!(answer.status.is_success(), found, "{index}: {}", answer.json());
+    }
+    let broken = service
+        .form(&[("file", "a.dcm", &files[0].1[..files[0].1.len() - 6]), ("file", "b.dcm", &files[1].1)])
+        .await;
+    let problem = broken.problem(422);
+    assert!(problem.detail.starts_with("a.dcm"), "{}", problem.detail);
 }
