@@ -146,11 +146,15 @@ impl Session<'_> {
             drawn.samples_per_pixel = rest.samples_per_pixel;
         }
         let millis = began.elapsed().as_secs_f64() * 1e3;
+        // A session tone-maps and reads back after each edit, too.
+        let began = Instant::now();
+        self.renderer.picture(&mut self.view)?;
+        let picture_millis = began.elapsed().as_secs_f64() * 1e3;
         if self.arguments.explain {
             explain(name, &drawn);
         }
         Ok(json!({
-            "name": name, "millis": millis, "samples_per_pixel": drawn.samples_per_pixel, "changes": drawn.plan.changes,
+            "name": name, "millis": millis, "picture_millis": picture_millis, "samples_per_pixel": drawn.samples_per_pixel, "changes": drawn.plan.changes,
             "plan": drawn.plan.report(), "stages": drawn.stages, "counters": drawn.counters,
         }))
     }

@@ -47,6 +47,13 @@ pub(crate) fn detect(path: &Path, options: &ReadOptions<'_>) -> Result<Detected,
     if dicom::is_start(&start) {
         return Ok(Detected::Dicom);
     }
+    if start.starts_with(b"#?") {
+        return Err(FormatError::unsupported(
+            &file_name(path),
+            "a Radiance picture",
+            "it is light from all directions, not a volume",
+        ));
+    }
     if start.starts_with(nrrd::MAGIC) {
         return Ok(Detected::Nrrd);
     }
