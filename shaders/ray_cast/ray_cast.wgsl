@@ -22,10 +22,6 @@ const MINIMUM = 2u;
 const AVERAGE = 3u;
 const ISOSURFACE = 4u;
 const SLICE = 5u;
-// Gradients are needed: some material has a surface and there is light.
-override SHADED: bool = true;
-// Some matter emits.
-override EMISSIVE: bool = true;
 
 // Keeps a quotient of extinctions finite.
 const SMALLEST_EXTINCTION = 1e-30;
@@ -84,41 +80,23 @@ fn integrate(way: Way, counts: ptr<function, vec4u>) -> vec3f {
     let w_o = -ray.direction;
     var transmittance = 1.0;
     var radiance = vec3f(0.0);
-    var k = way.first;
-    // The first lattice point whose macrocell has not been looked up yet.
-    var unknown = k;
-    // What is left of step k: from `near`, on the lattice or where the field crosses a control
-    // point, to `far`.
-    var near = FieldPoint();
-    var far = FieldPoint();
-    var near_is_known = false;
-    var within_step = false;
-    while k < way.end {
-        if !within_step {
-            let next = leap(way, k, &unknown);
-            if next > k {
-                (*counts).y += u32(next - k);
-                k = next;
-                near_is_known = false;
-                continue;
-            }
-            let t = distance_at(way, k);
-            let next_t = distance_at(way, k + 1.0);
-            if FILTER == 2u {
-                // Not interpolated: one voxel's matter for the whole step.
-                far = field_at(ray, 0.5 * (t + next_t));
-                near = far;
-                near.t = t;
-                far.t = next_t;
-            } else {
-                if !near_is_known { near = field_at(ray, t); }
-                far = field_at(ray, next_t);
-            }
-            (*counts).x += 1u;
+    var march = March(way.first, way.first, FieldPoint(), FieldPoint(), false, false);
+    // Two loops, because the software device executes all branches of a loop for all lanes: the
+    // inner one is short.
+    while march.k < way.end {
+        var part = Part();
+        var optical_depth = 0.0;
+        var near = FieldPoint();
+        while march.k < way.end && optical_depth <= 0.0 {
+            if !march.within_step && !begin_step(way, &march, counts) { continue; }
+            near = march.near;
+            part = first_part(near, march.far);
+            optical_depth = 0.5 * (part.sigma_t.x + part.sigma_t.y) * (part.end.t - near.t);
+            march.near = part.end;
+            march.near_is_known = true;
+            march.within_step = !part.ends_step;
+            march.k += select(0.0, 1.0, part.ends_step);
         }
-
-        let part = first_part(near, far);
-        let optical_depth = 0.5 * (part.sigma_t.x + part.sigma_t.y) * (part.end.t - near.t);
         if optical_depth > 0.0 {
             (*counts).w += 1u;
             let through = exp(-optical_depth);
@@ -128,21 +106,57 @@ fn integrate(way: Way, counts: ptr<function, vec4u>) -> vec3f {
             let albedo = albedo_at(place);
             let material = materials[place.material];
             var gradient = vec3f(0.0);
-            if SHADED {
+            if SURFACES {
                 if material.surface > 0.0 { gradient = gradient_at(x / frame.size_world + 0.5); }
             }
             var source = scattered_radiance(x, w_o, albedo, material, gradient);
-            if EMISSIVE { source += (1.0 - albedo) * emission_at(place); }
+            if EMISSION { source += (1.0 - albedo) * emission_at(place); }
             radiance += transmittance * (1.0 - through) * source;
             transmittance *= through;
             if transmittance < frame.termination { return radiance; }
         }
-        near = part.end;
-        near_is_known = true;
-        within_step = !part.ends_step;
-        if !within_step { k += 1.0; }
     }
     return radiance + transmittance * frame.background;
+}
+
+// Where a ray has got to: what is left of step k is from `near`, on the lattice or where the field
+// crosses a control point, to `far`.
+struct March {
+    k: f32,
+    // The first lattice point whose macrocell has not been looked up yet.
+    unknown: f32,
+    near: FieldPoint,
+    far: FieldPoint,
+    near_is_known: bool,
+    within_step: bool,
+}
+
+// Reads the field at the ends of step k; or leaps on, and returns false.
+fn begin_step(way: Way, march: ptr<function, March>, counts: ptr<function, vec4u>) -> bool {
+    let k = (*march).k;
+    var unknown = (*march).unknown;
+    let next = leap(way, k, &unknown);
+    (*march).unknown = unknown;
+    if next > k {
+        (*counts).y += u32(next - k);
+        (*march).k = next;
+        (*march).near_is_known = false;
+        return false;
+    }
+    (*counts).x += 1u;
+    let t = distance_at(way, k);
+    let next_t = distance_at(way, k + 1.0);
+    if FILTER == 2u {
+        // Not interpolated: one voxel's matter for the whole step.
+        (*march).far = field_at(way.ray, 0.5 * (t + next_t));
+        (*march).near = (*march).far;
+        (*march).near.t = t;
+        (*march).far.t = next_t;
+        return true;
+    }
+    if !(*march).near_is_known { (*march).near = field_at(way.ray, t); }
+    (*march).far = field_at(way.ray, next_t);
+    return true;
 }
 
 // Where along a part of given extinction at its ends and optical depth what is linear along it has

@@ -11,18 +11,21 @@ fn brdf(material: Material, n: vec3f, w_i: vec3f, w_o: vec3f) -> vec2f {
     let h = half_vector / max(length(half_vector), 1e-6);
     let n_h = clamp(dot(n, h), 0.0, 1.0);
     let lambert = material.diffuse / PI;
-    switch material.brdf {
-        case 1u: {
-            return vec2f(lambert, material.specular * material.lobe.y * pow(n_h, material.lobe.x));
-        }
-        case 2u: {
-            return ashikhmin_shirley(material, n, h, n_i, n_o, n_h, clamp(dot(h, w_o), 1e-4, 1.0));
-        }
-        case 3u: {
-            return vec2f(lambert, material.specular / pow(1.0 + material.lobe.x * (1.0 - n_h), material.lobe.y));
-        }
-        default: { return vec2f(lambert, 0.0); }
+    var f_r = vec2f(lambert, 0.0);
+    if BLINN_PHONG {
+        if material.brdf == 1u { f_r.y = material.specular * material.lobe.y * pow(n_h, material.lobe.x); }
     }
+    if ASHIKHMIN_SHIRLEY {
+        if material.brdf == 2u {
+            f_r = ashikhmin_shirley(material, n, h, n_i, n_o, n_h, clamp(dot(h, w_o), 1e-4, 1.0));
+        }
+    }
+    if ABC {
+        if material.brdf == 3u {
+            f_r.y = material.specular / pow(1.0 + material.lobe.x * (1.0 - n_h), material.lobe.y);
+        }
+    }
+    return f_r;
 }
 
 // Ashikhmin, Shirley 2000: An anisotropic Phong BRDF model, eq. 4 and 5.

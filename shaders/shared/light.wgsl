@@ -38,29 +38,27 @@ const NEAREST_SQUARED = 1e-8;
 // solid angle of their projected area (exact for small or distant lights).
 fn incident_light(index: u32, x: vec3f) -> Incident {
     let light = lights[index];
-    if light.kind == 0u {
-        return Incident(-light.direction, light.power);
-    }
-    let to_light = light.position - x;
-    let squared = max(dot(to_light, to_light), NEAREST_SQUARED);
-    let w_i = to_light * inverseSqrt(squared);
-    switch light.kind {
-        case 2u: {
-            let cosine = -dot(w_i, light.direction);
+    var incident = Incident(-light.direction, light.power);
+    if !LIGHTS_WITH_A_PLACE { return incident; }
+    if light.kind != 0u {
+        let to_light = light.position - x;
+        let squared = max(dot(to_light, to_light), NEAREST_SQUARED);
+        incident.w_i = to_light * inverseSqrt(squared);
+        var falloff = 1.0 / squared;
+        let cosine = -dot(incident.w_i, light.direction);
+        if light.kind == 2u {
             var inside = select(0.0, 1.0, cosine >= light.cos_inner);
             if light.cos_inner > light.cos_outer {
                 inside = smoothstep(light.cos_outer, light.cos_inner, cosine);
             }
-            return Incident(w_i, light.power * inside / squared);
-        }
-        case 3u: {
-            let facing = max(-dot(w_i, light.direction), 0.0);
-            return Incident(w_i, light.power * light.extent * facing / (squared + light.extent / PI));
-        }
-        case 4u: {
+            falloff = inside / squared;
+        } else if light.kind == 3u {
+            falloff = light.extent * max(cosine, 0.0) / (squared + light.extent / PI);
+        } else if light.kind == 4u {
             let sine_squared = min(light.extent * light.extent / squared, 1.0);
-            return Incident(w_i, light.power * 2.0 * PI * (1.0 - sqrt(1.0 - sine_squared)));
+            falloff = 2.0 * PI * (1.0 - sqrt(1.0 - sine_squared));
         }
-        default: { return Incident(w_i, light.power / squared); }
+        incident.irradiance = light.power * falloff;
     }
+    return incident;
 }

@@ -7,17 +7,16 @@ const INVERSE_4PI = 0.0795774715459477;
 
 fn phase_function(material: Material, cos_theta: f32) -> f32 {
     let g = material.asymmetry;
-    switch material.phase {
-        case 1u: {
-            // Henyey, Greenstein 1941.
-            let d = max(1.0 + g * g - 2.0 * g * cos_theta, 1e-7);
-            return INVERSE_4PI * (1.0 - g * g) / (d * sqrt(d));
-        }
-        case 2u: {
-            // Schlick's approximation, k in place of g.
-            let d = 1.0 - g * cos_theta;
-            return INVERSE_4PI * (1.0 - g * g) / max(d * d, 1e-7);
-        }
-        default: { return INVERSE_4PI; }
+    var p = INVERSE_4PI;
+    if HENYEY_GREENSTEIN {
+        // Henyey, Greenstein 1941.
+        let d = max(1.0 + g * g - 2.0 * g * cos_theta, 1e-7);
+        if material.phase == 1u { p *= (1.0 - g * g) / (d * sqrt(d)); }
     }
+    if SCHLICK {
+        // Schlick's approximation, k in place of g.
+        let d = 1.0 - g * cos_theta;
+        if material.phase == 2u { p *= (1.0 - g * g) / max(d * d, 1e-7); }
+    }
+    return p;
 }

@@ -3,7 +3,8 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use proto::scene_file::{Filter, Interpolation};
+use proto::scene_file::{Brdf, Filter, Interpolation, Phase};
+use scene::light::LightGeometry;
 use scene::{Rendering, Scene};
 
 use crate::gpu::Gpu;
@@ -21,17 +22,26 @@ pub struct Variant {
     pub filter: u32,
     /// What a pixel shows; `MODE` in the shader.
     pub mode: u32,
-    /// Gradients are needed.
-    pub shaded: bool,
-    /// Some matter emits.
-    pub emissive: bool,
+    /// What the scene uses.
+    pub features: Features,
+}
+
+/// What a pipeline may do without; constants of shaders/shared/features.wgsl.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub struct Features {
+    pub blinn_phong: bool,
+    pub ashikhmin_shirley: bool,
+    pub abc: bool,
+    pub henyey_greenstein: bool,
+    pub schlick: bool,
+    pub lights_with_a_place: bool,
+    pub surfaces: bool,
+    pub emission: bool,
 }
 
 impl Variant {
     /// The cheapest variant that draws the scene.
     pub fn of(scene: &Scene, texture: &VolumeTexture) -> Self {
-        let points = &scene.transfer_function.points;
-        let in_use = |point: &scene::transfer_function::Point| scene.materials[point.material].surface > 0.0;
         let hardware = scene.sampling.interpolation == Interpolation::Sampler;
         Self {
             filter: match scene.filter {
@@ -47,12 +57,51 @@ impl Variant {
                 Rendering::Isosurface { .. } => 4,
                 Rendering::Slice { .. } => 5,
             },
-            shaded: scene.rendering == Rendering::Volume
-                && !scene.lights.is_empty()
-                && points.iter().any(in_use),
-            emissive: scene.rendering == Rendering::Volume
-                && points.iter().any(|point| point.emission.max_element() > 0.0),
+            features: if scene.rendering.is_lit() { Features::of(scene) } else { Features::default() },
         }
+    }
+}
+
+impl Features {
+    /// What the scene's lights and the matter of its transfer function need.
+    fn of(scene: &Scene) -> Self {
+        let points = &scene.transfer_function.points;
+        let material = |point: &scene::transfer_function::Point| &scene.materials[point.material];
+        // An isosurface makes surfaces of all matter.
+        let all_surfaces = scene.rendering != Rendering::Volume;
+        let surface = |point: &_| all_surfaces || material(point).surface > 0.0;
+        let any_surface = |kind: fn(&Brdf) -> bool| {
+            points.iter().any(|point| surface(point) && material(point).brdf.as_ref().is_some_and(kind))
+        };
+        let any_phase = |kind: fn(&Phase) -> bool| points.iter().any(|point| kind(&material(point).phase));
+        let placed = |light: &scene::Light| {
+            !matches!(light.geometry, LightGeometry::Directional { .. } | LightGeometry::UniformEnvironment)
+        };
+        Self {
+            blinn_phong: any_surface(|brdf| matches!(brdf, Brdf::BlinnPhong(_))),
+            ashikhmin_shirley: any_surface(|brdf| matches!(brdf, Brdf::AshikhminShirley(_))),
+            abc: any_surface(|brdf| matches!(brdf, Brdf::Abc(_))),
+            henyey_greenstein: any_phase(|phase| matches!(phase, Phase::HenyeyGreenstein(_))),
+            schlick: any_phase(|phase| matches!(phase, Phase::Schlick(_))),
+            lights_with_a_place: scene.lights.iter().any(placed),
+            surfaces: !scene.lights.is_empty() && points.iter().any(surface),
+            emission: points.iter().any(|point| point.emission.max_element() > 0.0),
+        }
+    }
+
+    /// As pipeline constants.
+    fn constants(&self) -> [(&'static str, f64); 8] {
+        let flag = |on: bool| if on { 1.0 } else { 0.0 };
+        [
+            ("BLINN_PHONG", flag(self.blinn_phong)),
+            ("ASHIKHMIN_SHIRLEY", flag(self.ashikhmin_shirley)),
+            ("ABC", flag(self.abc)),
+            ("HENYEY_GREENSTEIN", flag(self.henyey_greenstein)),
+            ("SCHLICK", flag(self.schlick)),
+            ("LIGHTS_WITH_A_PLACE", flag(self.lights_with_a_place)),
+            ("SURFACES", flag(self.surfaces)),
+            ("EMISSION", flag(self.emission)),
+        ]
     }
 }
 
@@ -95,19 +144,16 @@ impl RayCaster {
         let layout =
             if variant.filter == 0 { &filtering.pipeline_layout } else { &texel_wise.pipeline_layout };
         let compile = || {
-            let flag = |on: bool| if on { 1.0 } else { 0.0 };
+            let mut constants = variant.features.constants().to_vec();
+            constants.push(("FILTER", f64::from(variant.filter)));
+            constants.push(("MODE", f64::from(variant.mode)));
             gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some("ray_cast"),
                 layout: Some(layout),
                 module,
                 entry_point: Some("ray_cast"),
                 compilation_options: wgpu::PipelineCompilationOptions {
-                    constants: &[
-                        ("FILTER", f64::from(variant.filter)),
-                        ("MODE", f64::from(variant.mode)),
-                        ("SHADED", flag(variant.shaded)),
-                        ("EMISSIVE", flag(variant.emissive)),
-                    ],
+                    constants: &constants,
                     ..wgpu::PipelineCompilationOptions::default()
                 },
                 cache: None,

@@ -8,6 +8,7 @@ macro_rules! parts {
 
 /// `ray_cast` with the `local` method.
 pub const RAY_CAST: &str = parts!(
+    "shared/features.wgsl",
     "shared/frame.wgsl",
     "shared/ray.wgsl",
     "shared/medium.wgsl",
