@@ -830,6 +830,9 @@ pub struct Rendering {
     /// Data value of the isosurface; the middle of the value range if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub isovalue: Option<f64>,
+    /// Data values shown black and white by projections and slices; the value range if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub window: Option<[f64; 2]>,
     /// The plane that `slice` shows.
     pub slice: SlicePlane,
 }
@@ -841,15 +844,15 @@ pub enum RenderingMode {
     /// Matter of the transfer function, in light.
     #[default]
     Volume,
-    /// The largest value on the ray, as a grey of the value range.
+    /// The largest value on the ray, as a grey of the window.
     Maximum,
-    /// The smallest value on the ray, as a grey of the value range.
+    /// The smallest value on the ray, as a grey of the window.
     Minimum,
-    /// The mean value along the ray, as a grey of the value range.
+    /// The mean value along the ray, as a grey of the window.
     Average,
     /// The first place on the ray that has the isovalue, as an opaque surface in light.
     Isosurface,
-    /// The value where the ray meets a plane, as a grey of the value range.
+    /// The value where the ray meets a plane, as a grey of the window.
     Slice,
 }
 

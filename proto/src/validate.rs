@@ -10,11 +10,7 @@ pub(crate) fn scene(scene: &SceneFile) -> Checked {
         return Err(FieldError::new("version", format!("must be {SCENE_VERSION}, got {}", scene.version)));
     }
     volume(&scene.volume)?;
-    if let Some([low, high]) = scene.value_range {
-        finite("value_range[0]", low)?;
-        finite("value_range[1]", high)?;
-        require("value_range", low < high, || format!("must ascend, got [{low}, {high}]"))?;
-    }
+    ascending("value_range", scene.value_range)?;
     if let Some(spacing) = scene.spacing {
         for (axis, &length) in spacing.iter().enumerate() {
             within(&format!("spacing[{axis}]"), length, 1e-9, MAX_MAGNITUDE)?;
@@ -41,11 +37,19 @@ pub(crate) fn scene(scene: &SceneFile) -> Checked {
     if let Some(value) = scene.rendering.isovalue {
         within("rendering.isovalue", value, -MAX_MAGNITUDE, MAX_MAGNITUDE)?;
     }
+    ascending("rendering.window", scene.rendering.window)?;
     direction("rendering.slice.normal", &scene.rendering.slice.normal)?;
     within("rendering.slice.offset", scene.rendering.slice.offset, -MAX_MAGNITUDE, MAX_MAGNITUDE)?;
     within("film.exposure_stops", scene.film.exposure_stops, -20.0, 20.0)?;
     within("image.width", f64::from(scene.image.width), 1.0, f64::from(MAX_IMAGE_EDGE))?;
     within("image.height", f64::from(scene.image.height), 1.0, f64::from(MAX_IMAGE_EDGE))
+}
+
+fn ascending(field: &str, interval: Option<[f64; 2]>) -> Checked {
+    let Some([low, high]) = interval else { return Ok(()) };
+    finite(&format!("{field}[0]"), low)?;
+    finite(&format!("{field}[1]"), high)?;
+    require(field, low < high, || format!("must ascend, got [{low}, {high}]"))
 }
 
 fn volume(volume: &VolumeSource) -> Checked {

@@ -1,4 +1,4 @@
-// Measures of the values along a ray, or at a plane, as greys of the value range: no matter, no light.
+// Measures of the values along a ray, or at a plane, as greys of the window: no matter, no light.
 
 fn values(way: Way, counts: ptr<function, vec4u>) -> vec3f {
     if MODE == SLICE { return slice(way, counts); }
@@ -33,7 +33,7 @@ fn slice(way: Way, counts: ptr<function, vec4u>) -> vec3f {
     return grey(s_at(way.ray, t));
 }
 
-// s before it is clamped to the value range.
+// The field before it is clamped to what is in view.
 fn s_at(ray: Ray, t: f32) -> f32 {
     return frame.s_scale * texel_value(uvw_at(ray, t)) + frame.s_offset;
 }

@@ -23,7 +23,7 @@ pub struct VolumeTexture {
 impl VolumeTexture {
     /// Factors of `s = scale * texel + offset` (before clamping) for a scene's window.
     pub(crate) fn s_from_texel(&self, scene: &Scene) -> (f64, f64) {
-        let [low, high] = scene.value_range;
+        let [low, high] = scene.range_in_view();
         if high <= low {
             return (0.0, 0.0);
         }

@@ -48,6 +48,13 @@ fn projections_of_a_ramp() {
 }
 
 #[test]
+fn the_window_is_apart_from_the_value_range() {
+    let rendering = json!({"mode": "average", "window": [100.0, 200.0]});
+    let got = centre(along_the_ramp(rendering));
+    assert!((got - grey(0.26)).abs() < 2e-4, "{got}");
+}
+
+#[test]
 fn a_slice_shows_the_value_on_its_plane() {
     for offset in [-0.3, 0.0, 0.21] {
         // Voxel centres lie at (k + 0.5) / 64 - 0.5 and hold 4 k.

@@ -41,8 +41,8 @@ pub struct Changes {
     pub method: bool,
     /// What a pixel shows.
     pub rendering: bool,
-    /// Data values at both ends of the grey scale.
-    pub value_range: bool,
+    /// Data values shown black and white.
+    pub window: bool,
     /// Albedo or material of the isosurface.
     pub isosurface: bool,
     /// Step length, termination or interpolation of view rays.
@@ -73,7 +73,7 @@ impl Changes {
             orders: old.orders != new.orders,
             method: old.method != new.method,
             rendering: old.rendering != new.rendering,
-            value_range: old.value_range != new.value_range,
+            window: old.window != new.window,
             isosurface: match (old.rendering, new.rendering) {
                 (Rendering::Isosurface { value: a }, Rendering::Isosurface { value: b }) => {
                     old.classification().surface_at(a) != new.classification().surface_at(b)
@@ -108,7 +108,7 @@ impl Changes {
         say(self.orders, "scattering orders");
         say(self.method, "illumination method");
         say(self.rendering, "rendering mode");
-        say(self.value_range, "value range");
+        say(self.window, "window");
         say(self.isosurface, "matter of the isosurface");
         say(self.ray_sampling, "ray sampling");
         say(self.film, "exposure or tone mapping");

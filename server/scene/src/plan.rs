@@ -281,7 +281,7 @@ fn changes_seen(changes: &Changes, old: &Scene, new: &Scene) -> Changes {
         orders: false,
         film: false,
         // The transfer function's share is in `bins`.
-        value_range: false,
+        window: false,
         isosurface: false,
         ..changes.clone()
     };
@@ -303,7 +303,7 @@ fn changes_seen(changes: &Changes, old: &Scene, new: &Scene) -> Changes {
         }
         Rendering::Maximum | Rendering::Minimum | Rendering::Average | Rendering::Slice { .. } => {
             seen.bins = 0;
-            seen.value_range = changes.value_range;
+            seen.window = changes.window;
             seen.lights.clear();
             seen.method = false;
         }

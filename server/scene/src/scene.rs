@@ -44,6 +44,8 @@ pub struct Scene {
     pub method: Method,
     /// What a pixel shows.
     pub rendering: Rendering,
+    /// Data values that projections and slices show black and white.
+    pub window: [f64; 2],
     /// Sampling of view rays and pixels.
     pub sampling: Sampling,
     /// From radiance to the picture.
@@ -93,6 +95,7 @@ impl Scene {
             background,
             orders: file.scattering.orders,
             method: file.illumination.method,
+            window: file.rendering.window.unwrap_or(value_range),
             rendering: Rendering::from_file(&file.rendering, value_range),
             sampling: file.sampling.clone(),
             film: file.film.clone(),
@@ -123,6 +126,11 @@ impl Scene {
                 u64::MAX
             }
         }
+    }
+
+    /// Data values at 0 and 1 of what view rays read: of `s`, or of the grey scale.
+    pub fn range_in_view(&self) -> [f64; 2] {
+        if self.rendering.is_lit() { self.value_range } else { self.window }
     }
 
     /// Distance between samples on a view ray, world units.

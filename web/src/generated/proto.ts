@@ -496,6 +496,10 @@ mode: RenderingMode,
  */
 isovalue?: number, 
 /**
+ * Data values shown black and white by projections and slices; the value range if absent.
+ */
+window?: [number, number], 
+/**
  * The plane that `slice` shows.
  */
 slice: SlicePlane, };
