@@ -5,6 +5,8 @@
 
 # shellcheck source=tools/lib.sh
 . "$(dirname "$0")/lib.sh"
+# shellcheck source=tools/vulkan.sh
+. tools/vulkan.sh
 
 listen="${1:?address to listen on}" data="${2:?data directory}"
 address=$listen
@@ -13,4 +15,6 @@ case "$listen" in
   '[::]:'*) address="[::1]:${listen##*:}" ;;
 esac
 say "starting Tyndall on http://$address (data in $data; stop with Ctrl-C)"
+# Without a GPU, Mesa's device selection layer has nothing to select, but complains of no desktop.
+if ! vulkan_driver_chosen && ! gpu_driver; then export NODEVICE_SELECT=1; fi
 exec target/release/tyndall serve --listen "$listen" --data "$data"

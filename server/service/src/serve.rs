@@ -20,7 +20,7 @@ pub enum ServeError {
     #[error(transparent)]
     Render(#[from] RenderError),
     /// The data directory.
-    #[error("cannot use the data directory {path}: {source}")]
+    #[error("cannot use the data directory {path}")]
     Data {
         /// The directory.
         path: PathBuf,
@@ -28,7 +28,7 @@ pub enum ServeError {
         source: std::io::Error,
     },
     /// The address.
-    #[error("cannot listen on {address}: {source}")]
+    #[error("cannot listen on {address}; another address can be given with --listen or LISTEN=")]
     Listen {
         /// The address.
         address: std::net::SocketAddr,

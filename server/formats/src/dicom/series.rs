@@ -168,13 +168,10 @@ impl Group {
         }
         let steps: Vec<f64> = order.windows(2).map(|pair| along[pair[1]] - along[pair[0]]).collect();
         let typical = median(&steps);
-        self.notice_step(typical, notices);
-        self.notice_drift(&order, normal, typical, notices);
-        self.layers(file, &order, &steps, typical, &along, notices).map(|(layers, step)| Stack {
-            layers,
-            step,
-            origin,
-        })
+        let (layers, step) = self.layers(file, &order, &steps, typical, &along, notices)?;
+        self.notice_step(step, notices);
+        self.notice_drift(&order, normal, step, notices);
+        Ok(Stack { layers, step, origin })
     }
 
     /// Fills what is missing; slices at uneven positions keep their order.
