@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use ts_rs::TS;
 use utoipa::ToSchema;
 
-use crate::scene_file::{SceneFile, VoxelType};
+use crate::scene_file::{Camera, SceneFile, VoxelType};
 
 /// Problem document, RFC 9457 (`application/problem+json`).
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, TS, ToSchema)]
@@ -117,6 +117,41 @@ pub struct CreateSession {
     /// The dataset to open with a scene that suits it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dataset: Option<String>,
+}
+
+/// `POST /api/v1/sessions/{id}/probe`: which pixel, of which view.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, TS, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ProbeRequest {
+    /// The view.
+    pub camera: Camera,
+    /// Pixels from the left edge.
+    pub x: f64,
+    /// Pixels from the upper edge.
+    pub y: f64,
+    /// Width of the picture, pixels.
+    pub width: u32,
+    /// Height of the picture, pixels.
+    pub height: u32,
+}
+
+/// What lies under a pixel.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, TS, ToSchema)]
+pub struct Probe {
+    /// The place; absent where the pixel shows nothing that has one.
+    pub hit: Option<ProbeHit>,
+}
+
+/// A place in the volume: in matter, where half of the light from the ray's matter comes from nearer
+/// by; of an isosurface, slice, maximum or minimum its place.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, TS, ToSchema)]
+pub struct ProbeHit {
+    /// World.
+    pub position: [f64; 3],
+    /// Indices of the voxel that holds it, along the world axes.
+    pub voxel: [u32; 3],
+    /// Data value there.
+    pub value: f64,
 }
 
 /// A session: a scene with its caches.

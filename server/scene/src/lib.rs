@@ -16,6 +16,7 @@ pub mod macrocells;
 pub mod material;
 pub mod plan;
 pub mod prepared;
+pub mod probe;
 pub mod rendering;
 pub mod scattering;
 pub mod scene;

@@ -121,6 +121,11 @@ impl Classification<'_> {
         self.mask(bins, |low, high| (low..=high).contains(&value))
     }
 
+    /// Extinction at a data value, per world unit.
+    pub fn sigma_t_at(&self, value: f64) -> f64 {
+        self.function.at(self.s(value).clamp(0.0, 1.0)).sigma_t
+    }
+
     /// Albedo and material at a data value.
     pub(crate) fn surface_at(&self, value: f64) -> (DVec3, &Material) {
         let point = self.function.at(self.s(value).clamp(0.0, 1.0));

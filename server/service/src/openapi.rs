@@ -49,6 +49,7 @@ pub fn api() -> OpenApiRouter<Arc<App>> {
             sessions::routes::put_scene,
             sessions::routes::patch_scene
         ))
+        .routes(routes!(sessions::routes::probe))
         .routes(routes!(sessions::routes::snapshot))
         .routes(routes!(viewer::view))
 }

@@ -740,6 +740,48 @@ scene?: SceneFile,
  */
 dataset?: string, };
 
+export type ProbeRequest = { 
+/**
+ * The view.
+ */
+camera: Camera, 
+/**
+ * Pixels from the left edge.
+ */
+x: number, 
+/**
+ * Pixels from the upper edge.
+ */
+y: number, 
+/**
+ * Width of the picture, pixels.
+ */
+width: number, 
+/**
+ * Height of the picture, pixels.
+ */
+height: number, };
+
+export type Probe = { 
+/**
+ * The place; absent where the pixel shows nothing that has one.
+ */
+hit: ProbeHit | null, };
+
+export type ProbeHit = { 
+/**
+ * World.
+ */
+position: [number, number, number], 
+/**
+ * Indices of the voxel that holds it, along the world axes.
+ */
+voxel: [number, number, number], 
+/**
+ * Data value there.
+ */
+value: number, };
+
 export type Session = { 
 /**
  * Identifier.

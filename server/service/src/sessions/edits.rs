@@ -143,3 +143,14 @@ fn check_with(mut file: SceneFile, key: Key, volume: Arc<PreparedVolume>) -> Res
     file.camera = Some(filled_camera(&file, &scene));
     Ok(Checked { file, key, scene })
 }
+
+/// Checks a camera that comes alone, as part of a scene: there is one set of rules.
+///
+/// # Errors
+/// The field at fault, below `camera`.
+pub fn check_camera(camera: &Camera) -> Result<(), FieldError> {
+    let mut scene = SceneFile::new(Default::default());
+    scene.volume.builtin = Some(proto::scene_file::Builtin::Homogeneous);
+    scene.camera = Some(camera.clone());
+    scene.validate()
+}

@@ -246,11 +246,7 @@ impl Session {
         camera: Camera,
         arrived: Instant,
     ) -> Result<(), FieldError> {
-        // Checked as part of a scene: there is one set of rules.
-        let mut probe = SceneFile::new(Default::default());
-        probe.volume.builtin = Some(proto::scene_file::Builtin::Homogeneous);
-        probe.camera = Some(camera.clone());
-        probe.validate()?;
+        edits::check_camera(&camera)?;
         let mut state = self.state.lock();
         state.file.camera = Some(camera.clone());
         state.scene.camera = scene::Camera::from_file(&camera);

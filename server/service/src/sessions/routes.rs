@@ -7,13 +7,16 @@ use axum::Json as JsonAnswer;
 use axum::extract::{Path, Query, State};
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use proto::rest::{CreateSession, Problem, Session as SessionDocument, Status};
+use proto::FieldError;
+use proto::rest::{
+    CreateSession, Probe, ProbeHit, ProbeRequest, Problem, Session as SessionDocument, Status,
+};
 use proto::scene_file::{SceneFile, limits::MAX_IMAGE_EDGE};
 use scene::plan::Target;
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::{Edit, Session, no_such_session};
+use super::{Edit, Session, edits, no_such_session};
 use crate::App;
 use crate::http::Json;
 use crate::problem::{Answer, Fault};
@@ -149,6 +152,48 @@ pub async fn patch_scene(
     Json(patch): Json<Value>,
 ) -> Answer<JsonAnswer<SessionDocument>> {
     edit(&app, &id, Edit::Patch(patch)).await
+}
+
+/// The place under a pixel, and the data value there.
+#[utoipa::path(
+    post, path = "/sessions/{id}/probe", tag = "sessions", params(("id" = String, Path)), request_body = ProbeRequest,
+    responses(
+        (status = OK, body = Probe),
+        (status = UNPROCESSABLE_ENTITY, body = Problem, content_type = "application/problem+json", description = "The camera or the pixel is not valid"),
+        (status = NOT_FOUND, body = Problem, content_type = "application/problem+json"),
+    )
+)]
+pub async fn probe(
+    State(app): State<Arc<App>>,
+    Path(id): Path<String>,
+    Json(request): Json<Value>,
+) -> Answer<JsonAnswer<Probe>> {
+    let request: ProbeRequest = proto::field::from_value(request)?;
+    edits::check_camera(&request.camera)?;
+    let edge = 1..=MAX_IMAGE_EDGE;
+    for (field, pixels, edges) in [("width", request.x, request.width), ("height", request.y, request.height)]
+    {
+        if !edge.contains(&edges) {
+            return Err(FieldError::new(field, format!("must be 1 to {MAX_IMAGE_EDGE} pixels")).into());
+        }
+        if !(0.0..=f64::from(edges)).contains(&pixels) {
+            let axis = if field == "width" { "x" } else { "y" };
+            return Err(FieldError::new(axis, "must lie within the picture").into());
+        }
+    }
+    let session = find(&app, &id)?;
+    let hit = move || {
+        let snapshot = session.snapshot();
+        let camera = scene::Camera::from_file(&request.camera);
+        let (origin, direction) = camera.ray(request.x, request.y, request.width, request.height);
+        let hit = scene::probe::probe(&snapshot.scene, origin, direction)?;
+        Some(ProbeHit {
+            position: hit.position.to_array(),
+            voxel: hit.voxel.map(|index| index as u32),
+            value: hit.value,
+        })
+    };
+    crate::blocking("probing a volume", move || JsonAnswer(Probe { hit: hit() })).await
 }
 
 async fn edit(app: &Arc<App>, id: &str, edit: Edit) -> Answer<JsonAnswer<SessionDocument>> {

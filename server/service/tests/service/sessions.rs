@@ -2,7 +2,7 @@
 
 use axum::http::{Method, StatusCode, header};
 use proto::scene_file::Builtin;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::support::{Service, small_scene};
 
@@ -100,6 +100,32 @@ async fn what_cannot_be_opened_is_refused_by_field() {
     let request = axum::http::Request::post("/api/v1/sessions").body("{\"scene\": ".into()).unwrap();
     service.send(request).await.problem(400);
     assert_eq!(service.get("/sessions").await.ok().json(), json!([]));
+}
+
+#[tokio::test]
+async fn a_pixel_tells_its_place_and_value() {
+    let service = Service::new();
+    let session = service.session().await;
+    let path = format!("/sessions/{}/probe", session.id);
+    let slice = json!({"rendering": {"mode": "slice", "slice": {"normal": [0, 0, 1], "offset": 0.25}}});
+    service.json(Method::PATCH, &format!("/sessions/{}/scene", session.id), slice).await.ok();
+    let camera =
+        json!({"position": [0, 0, 2], "target": [0, 0, 0], "up": [0, 1, 0], "orthographic_height": 1});
+    let ask = |x: f64, camera: &Value| json!({"camera": camera, "x": x, "y": 20, "width": 40, "height": 40});
+    let hit = service.json(Method::POST, &path, ask(30.0, &camera)).await.ok().json()["hit"].clone();
+    let position: Vec<f64> = serde_json::from_value(hit["position"].clone()).unwrap();
+    for (got, expected) in position.iter().zip([0.25, 0.0, 0.25]) {
+        assert!((got - expected).abs() < 1e-9, "{hit}");
+    }
+    assert!(hit["value"].is_number() && hit["voxel"].as_array().is_some_and(|voxel| voxel.len() == 3));
+    let beyond = json!({"camera": camera, "x": 1, "y": 1, "width": 40, "height": 4});
+    assert_eq!(service.json(Method::POST, &path, beyond).await.ok().json(), json!({"hit": null}));
+
+    let outside = service.json(Method::POST, &path, ask(41.0, &camera)).await.problem(422);
+    assert_eq!(outside.field.as_deref(), Some("x"));
+    let blind = json!({"position": [0, 0, 0], "target": [0, 0, 0], "up": [0, 1, 0], "fov_y_degrees": 40});
+    let refused = service.json(Method::POST, &path, ask(1.0, &blind)).await.problem(422);
+    assert!(refused.field.is_some_and(|field| field.starts_with("camera")));
 }
 
 #[tokio::test]
