@@ -1,6 +1,6 @@
 /** The REST side of the service. Every failure is a `ProblemError` that says in words what happened. */
 
-import type { CreateSession, Dataset, Histogram, Problem, Session, Status } from "../generated/proto";
+import type { CreateSession, Dataset, Histogram, Probe, ProbeRequest, Problem, Session, Status } from "../generated/proto";
 
 const BASE = "/api/v1";
 
@@ -72,6 +72,16 @@ export async function createSession(request: CreateSession): Promise<Session> {
     body: JSON.stringify(request),
   });
   return (await response.json()) as Session;
+}
+
+/** The place under a pixel, and the value there. */
+export async function postProbe(id: string, request: ProbeRequest): Promise<Probe> {
+  const response = await send(`/sessions/${segment(id)}/probe`, {
+    method: "POST",
+    headers: { "Content-Type": "application/json" },
+    body: JSON.stringify(request),
+  });
+  return (await response.json()) as Probe;
 }
 
 /** The session's scene drawn at full quality as PNG. */

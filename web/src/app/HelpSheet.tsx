@@ -8,7 +8,7 @@ const pointer: readonly [string, string][] = [
   ["Drag", "Turn"],
   ["Shift or middle drag", "Move"],
   ["Wheel or right drag", "Zoom at the pointer"],
-  ["Double-click", "Pivot back to the centre"],
+  ["Double-click", "Pivot on what is there; beside it, back to the centre"],
   ["One finger · two fingers", "Turn · move and pinch"],
 ];
 

@@ -1,6 +1,7 @@
 /** One table of keys: it drives the handler and the help sheet. */
 
 import { session } from "../session/engine";
+import { toggleMeasuring } from "../viewport/probing";
 import { lookAtNumber, resetView, toggleFullScreen, turn, zoomStep } from "../viewport/actions";
 import { saveStill } from "./files";
 import { sayError } from "./say";
@@ -29,6 +30,7 @@ export const bindings: readonly Binding[] = [
   { keys: ["r"], shown: "R", does: "Back to the starting view", run: resetView },
   { keys: ["f"], shown: "F", does: "Full screen", run: () => void toggleFullScreen().catch(sayError) },
   { keys: ["s"], shown: "S", does: "Save a still as PNG", run: () => void saveStill() },
+  { keys: ["m"], shown: "M", does: "Measure a distance: press two places", run: toggleMeasuring },
   { keys: ["z"], shift: false, shown: "Z or Ctrl Z", does: "Undo", run: () => session.undo() },
   { keys: ["z"], shift: true, shown: "Shift Z or Ctrl Shift Z", does: "Redo", run: () => session.redo() },
   { keys: ["["], shown: "[", does: "Fold the left panel", run: flipLeft },

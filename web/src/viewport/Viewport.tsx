@@ -12,6 +12,7 @@ import { currentCamera, resetView, startUp, toggleFullScreen, toggleProjection }
 import { attachGestures } from "./gestures";
 import { OrientationCube } from "./OrientationCube";
 import { Presenter } from "./presenter";
+import { ProbeLayer } from "./ProbeLayer";
 import { scaleBar, unitsPerWorld } from "./scaleBar";
 
 export function Viewport() {
@@ -50,6 +51,7 @@ export function Viewport() {
   return (
     <div className="viewport" ref={frame} data-state={state}>
       <canvas ref={canvas} className="viewport-canvas" tabIndex={0} aria-label="Rendered volume: drag to turn, wheel to zoom" data-testid="viewport" data-state={state} />
+      <ProbeLayer canvas={canvas} viewport={size} />
       <LightHandle viewport={size} />
       <LoadingMark />
       <OrientationCube />

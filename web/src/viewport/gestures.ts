@@ -2,7 +2,7 @@
 
 import type { Camera } from "../generated/proto";
 import type { Triple } from "../scene/vec";
-import { nearestAxis, orbit, pan, recentre, zoom } from "./camera";
+import { nearestAxis, orbit, pan, zoom } from "./camera";
 
 /** A drag over the viewport's whole height turns by this, radians. */
 const ORBIT_PER_HEIGHT = Math.PI;
@@ -94,7 +94,6 @@ export function attachGestures(element: HTMLElement, view: View): () => void {
     const unit = [1, WHEEL_LINE_PIXELS, WHEEL_PAGE_PIXELS][event.deltaMode] ?? 1;
     change((camera) => zoom(camera, Math.exp(event.deltaY * unit * WHEEL_ZOOM_PER_PIXEL), ...place({ x: event.clientX, y: event.clientY })));
   };
-  const doubleClick = () => change((camera) => recentre(camera, [0, 0, 0]));
   const noMenu = (event: Event) => event.preventDefault();
 
   const listening = new AbortController();
@@ -105,7 +104,6 @@ export function attachGestures(element: HTMLElement, view: View): () => void {
   element.addEventListener("pointercancel", up, { signal });
   element.addEventListener("lostpointercapture", up, { signal });
   element.addEventListener("wheel", wheel, { signal, passive: false });
-  element.addEventListener("dblclick", doubleClick, { signal });
   element.addEventListener("contextmenu", noMenu, { signal });
   return () => listening.abort();
 }
