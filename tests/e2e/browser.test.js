@@ -9,6 +9,7 @@ import { firstVisitSteps } from "./steps/first-visit.js";
 import { journeySteps } from "./steps/journey.js";
 import { layoutSteps } from "./steps/layout.js";
 import { lightSteps } from "./steps/lights.js";
+import { modeSteps } from "./steps/modes.js";
 import { planSteps } from "./steps/plan.js";
 import { restartSteps } from "./steps/restart.js";
 import { returnSteps } from "./steps/return.js";
@@ -31,6 +32,7 @@ describe("the page in a real browser", () => {
   cameraSteps();
   transferSteps();
   lightSteps();
+  modeSteps();
   planSteps();
   returnSteps();
   stillSteps();
