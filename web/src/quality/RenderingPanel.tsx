@@ -5,10 +5,11 @@ import { Row, Section, SliderField } from "../app/controls";
 import type { RenderingMode, SlicePlane } from "../generated/proto";
 import { session } from "../session/engine";
 import { useSession } from "../session/store";
-import { valueRange } from "../transfer-function/valueAxis";
+import { valueRange, wholeValues, type Range } from "../transfer-function/valueAxis";
+import { WindowRow } from "../transfer-function/WindowRow";
 import { currentCamera } from "../viewport/actions";
 import { halfEdges, planeFacing } from "./clipPlanes";
-import { anatomicalSlices, axisNormals, gridSlices, renderingModes, sliceAt, sliceAxis, sliceShare } from "./rendering";
+import { anatomicalSlices, axisNormals, gridSlices, isHounsfield, renderingModes, sliceAt, sliceAxis, sliceShare, tissueWindows } from "./rendering";
 
 const editSlice = (slice: SlicePlane): void => session.edit({ rendering: { slice } });
 
@@ -26,11 +27,37 @@ export function RenderingPanel() {
         <NativeSelect aria-label="What is shown" value={rendering.mode} data={renderingModes.map(({ value, label }) => ({ value, label }))} data-testid="rendering-mode" onChange={(event) => session.edit({ rendering: { mode: event.currentTarget.value as RenderingMode } })} />
       </Row>
       {rendering.mode === "isosurface" && (
-        <SliderField label="Value" hint="Data value of the surface; its colour is the transfer function's at this value" value={rendering.isovalue ?? 0.5 * (from + to)} min={low} max={high} step={(high - low) / 1000} digits={6} testId="isovalue" onChange={(isovalue) => session.edit({ rendering: { isovalue } }, "isovalue")} />
+        <SliderField label="Value" hint="Data value of the surface; its colour is the transfer function's at this value" value={rendering.isovalue ?? 0.5 * (from + to)} min={low} max={high} step={(high - low) / 1000} digits={6} whole={wholeValues(dataset)} testId="isovalue" onChange={(isovalue) => session.edit({ rendering: { isovalue } }, "isovalue")} />
       )}
       {rendering.mode === "slice" && <SliceRows slice={rendering.slice} />}
-      {rendering.mode !== "volume" && rendering.mode !== "isosurface" && <p className="note">Black and white are the ends of the window, below. Lights and colours have no part in it.</p>}
+      {rendering.mode !== "volume" && rendering.mode !== "isosurface" && <GreyWindow window={rendering.window ?? null} all={[from, to]} />}
     </Section>
+  );
+}
+
+/** Which data values are black and white. */
+function GreyWindow({ window, all }: { window: Range | null; all: Range }) {
+  const dataset = useSession((state) => state.dataset);
+  const range = window ?? all;
+  const set = (to: [number, number] | null) => session.edit({ rendering: { window: to } });
+  const tissue = tissueWindows.find(({ window: [low, high] }) => low === range[0] && high === range[1]);
+  const chosen = window === null ? "all" : (tissue?.id ?? "own");
+  return (
+    <>
+      <WindowRow hint="Data values that are black and white" range={range} whole={wholeValues(dataset)} testId="grey-window" onChange={set} onReset={window ? () => set(null) : null} />
+      {isHounsfield(dataset) && (
+        <Row label="Tissue" hint="Usual windows of CT, Hounsfield units">
+          <NativeSelect
+            aria-label="Window for a tissue"
+            value={chosen}
+            data={[{ value: "all", label: "All values" }, ...tissueWindows.map(({ id, label, window: [low, high] }) => ({ value: id, label: `${label} (${low} to ${high})` })), ...(chosen === "own" ? [{ value: "own", label: "As typed" }] : [])]}
+            data-testid="grey-window-tissue"
+            onChange={(event) => set(tissueWindows.find(({ id }) => id === event.currentTarget.value)?.window ?? null)}
+          />
+        </Row>
+      )}
+      <p className="note">Black and white are the ends of this window; lights and colours have no part in it.</p>
+    </>
   );
 }
 

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import type { Triple } from "../scene/vec";
-import { sliceAt, sliceAxis, sliceShare } from "./rendering";
+import { isHounsfield, sliceAt, sliceAxis, sliceShare, tissueWindows } from "./rendering";
 
 const half: Triple = [0.5, 0.25, 0.5];
 
@@ -17,5 +17,14 @@ describe("a slice", () => {
     expect(sliceAt(plane, 1, half).offset).toBeCloseTo(0.25, 9);
     expect(sliceShare({ ...plane, offset: -7 }, half)).toBe(0);
     for (const share of [0, 0.3, 1]) expect(sliceShare(sliceAt({ normal: [1, 2, 3], offset: 0 }, share, half), half)).toBeCloseTo(share, 4);
+  });
+});
+
+describe("tissue windows", () => {
+  it("are offered for data with air far below zero", () => {
+    expect(isHounsfield({ value_range: [-1024, 2986] })).toBe(true);
+    expect(isHounsfield({ value_range: [-500, 2986] })).toBe(false);
+    expect(isHounsfield(null)).toBe(false);
+    expect(tissueWindows.every(({ window: [low, high] }) => low < high)).toBe(true);
   });
 });

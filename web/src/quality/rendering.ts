@@ -1,15 +1,28 @@
 /** What a pixel shows, and slices as people choose them. */
 
-import type { RenderingMode, SlicePlane } from "../generated/proto";
+import type { Dataset, RenderingMode, SlicePlane } from "../generated/proto";
 import { clamp, dot, normalize, rounded, type Triple } from "../scene/vec";
 
 export const renderingModes: readonly { value: RenderingMode; label: string; gives: string }[] = [
   { value: "volume", label: "Volume in light", gives: "Matter of the transfer function, lit" },
   { value: "isosurface", label: "Isosurface", gives: "An opaque surface where the data have one value, lit" },
-  { value: "slice", label: "Slice", gives: "Values on a plane, as greys of the value range" },
-  { value: "maximum", label: "Maximum (MIP)", gives: "The largest value on each ray, as a grey of the value range" },
-  { value: "minimum", label: "Minimum", gives: "The smallest value on each ray, as a grey of the value range" },
-  { value: "average", label: "Average", gives: "The mean value along each ray, as a grey of the value range" },
+  { value: "slice", label: "Slice", gives: "Values on a plane, as greys of the window" },
+  { value: "maximum", label: "Maximum (MIP)", gives: "The largest value on each ray, as a grey of the window" },
+  { value: "minimum", label: "Minimum", gives: "The smallest value on each ray, as a grey of the window" },
+  { value: "average", label: "Average", gives: "The mean value along each ray, as a grey of the window" },
+];
+
+/** Data below this are Hounsfield units: air lies near -1000. */
+const AIR_BELOW = -500;
+
+export const isHounsfield = (dataset: Pick<Dataset, "value_range"> | null): boolean => dataset !== null && dataset.value_range[0] < AIR_BELOW;
+
+/** Windows by which radiologists read CT, Hounsfield units. */
+export const tissueWindows: readonly { id: string; label: string; window: [number, number] }[] = [
+  { id: "bone", label: "Bone", window: [-450, 1050] },
+  { id: "soft", label: "Soft tissue", window: [-160, 240] },
+  { id: "lung", label: "Lung", window: [-1350, 150] },
+  { id: "brain", label: "Brain", window: [0, 80] },
 ];
 
 export const axisNormals: readonly Triple[] = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
