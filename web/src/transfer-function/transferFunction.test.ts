@@ -200,6 +200,14 @@ describe("presets", () => {
     }
   });
 
+  it("show bone and nothing below it", () => {
+    const range: Range = [-1000, 3000];
+    const bone = presetsFor(ct, range).find((preset) => preset.id === "bone")?.points ?? [];
+    expect(opacityAtValue(bone, positionOf(179, range))).toBe(0);
+    expect(opacityAtValue(bone, positionOf(300, range))).toBeGreaterThan(0.5);
+    expect(opacityAtValue(bone, 1)).toBeGreaterThan(0.9);
+  });
+
   it("offer Hounsfield units only where they are", () => {
     expect(presetsFor({ ...ct, value_range: [0, 255] }, [0, 255]).map((p) => p.id)).not.toContain("ct");
   });

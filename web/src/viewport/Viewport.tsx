@@ -9,6 +9,7 @@ import { LightHandle } from "../lights/LightHandle";
 import { session } from "../session/engine";
 import { pictureState, useSession } from "../session/store";
 import { currentCamera, resetView, startUp, toggleFullScreen, toggleProjection } from "./actions";
+import { EdgeLetters } from "./EdgeLetters";
 import { attachGestures } from "./gestures";
 import { OrientationCube } from "./OrientationCube";
 import { Presenter } from "./presenter";
@@ -52,6 +53,7 @@ export function Viewport() {
       <canvas ref={canvas} className="viewport-canvas" tabIndex={0} aria-label="Rendered volume: drag to turn, wheel to zoom" data-testid="viewport" data-state={state} />
       <LightHandle viewport={size} />
       <LoadingMark />
+      <EdgeLetters />
       <OrientationCube />
       <Scale viewportHeight={size.height} />
       <ViewTools />
