@@ -57,7 +57,7 @@ function DatasetSelect() {
   const current = useSession((state) => state.dataset);
   const option = ({ id, name }: { id: string; name: string }) => ({ value: id, label: name });
   const groups = [
-    { group: "Mine", items: list.filter((dataset) => !dataset.sample).map(option) },
+    { group: "Uploaded", items: list.filter((dataset) => !dataset.sample).map(option) },
     { group: "Samples", items: list.filter((dataset) => dataset.sample).map(option) },
   ].filter(({ items }) => items.length > 0);
   const known = list.some(({ id }) => id === current?.id);

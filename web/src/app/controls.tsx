@@ -70,6 +70,10 @@ interface NumberFieldProps {
   digits?: number;
   width?: number;
   suffix?: string;
+  /** Shown as a whole number, whatever `digits` says. */
+  whole?: boolean;
+  /** Passed on with Enter or on leaving: the numbers on the way to it would do harm. */
+  whenDone?: boolean;
   testId: string;
 }
 
@@ -77,11 +81,22 @@ interface NumberFieldProps {
  * A number; values in range are passed on as they are typed. While it is typed the text is the
  * person's: what the scene makes of it (a point stops at its neighbour) is shown afterwards.
  */
-export function NumberField({ label, value, onChange, min, max, step = 0.1, digits = 4, width = 68, suffix, testId }: NumberFieldProps) {
+export function NumberField({ label, value, onChange, min = -Infinity, max = Infinity, step = 0.1, digits = 4, width = 68, suffix, whole = false, whenDone = false, testId }: NumberFieldProps) {
   const [draft, setDraft] = useState<number | string | null>(null);
-  const finish = () => setDraft(null);
+  const waiting = useRef<number | null>(null);
   // A value that had been taken and is then something else was taken back: the server refused it.
   const passedOn = useRef<number | null>(null);
+  const written = whole ? Math.round(value) : rounded(value, digits);
+  const pass = (number: number) => {
+    if (!Number.isFinite(number) || number < min || number > max || number === written) return;
+    passedOn.current = number;
+    onChange(number);
+  };
+  const finish = () => {
+    if (waiting.current !== null) pass(waiting.current);
+    waiting.current = null;
+    setDraft(null);
+  };
   const shown = useRef(value);
   useEffect(() => {
     if (shown.current === passedOn.current && value !== passedOn.current) setDraft(null);
@@ -92,32 +107,33 @@ export function NumberField({ label, value, onChange, min, max, step = 0.1, digi
       aria-label={label}
       data-testid={testId}
       w={width}
-      value={draft ?? rounded(value, digits)}
-      step={step}
+      value={draft ?? written}
+      step={whole ? Math.max(1, Math.round(step)) : step}
       hideControls
       clampBehavior="none"
-      {...(min === undefined ? {} : { min })}
-      {...(max === undefined ? {} : { max })}
+      {...(min === -Infinity ? {} : { min })}
+      {...(max === Infinity ? {} : { max })}
       {...(suffix === undefined ? {} : { suffix })}
       onBlur={finish}
       onKeyDown={(event) => {
         if (event.key === "Enter") finish();
-        if (event.key === "Escape") event.currentTarget.blur();
+        if (event.key === "Escape") {
+          waiting.current = null;
+          event.currentTarget.blur();
+        }
       }}
       onChange={(next) => {
         setDraft(next);
         const number = typeof next === "number" ? next : Number.NaN;
-        if (Number.isFinite(number) && number >= (min ?? -Infinity) && number <= (max ?? Infinity) && number !== rounded(value, digits)) {
-          passedOn.current = number;
-          onChange(number);
-        }
+        if (whenDone) waiting.current = number;
+        else pass(number);
       }}
     />
   );
 }
 
 /** A slider with its number. One drag is one undo step. */
-export function SliderField({ label, hint, value, onChange, min, max, step, toSlider = identity, fromSlider = identity, digits = 3, sliderMax, testId }: {
+export function SliderField({ label, hint, value, onChange, min, max, step, toSlider = identity, fromSlider = identity, digits = 3, sliderMax, whole = false, testId }: {
   label: string;
   hint?: string;
   value: number;
@@ -131,6 +147,7 @@ export function SliderField({ label, hint, value, onChange, min, max, step, toSl
   digits?: number;
   /** The slider may end before the number does. */
   sliderMax?: number;
+  whole?: boolean;
   testId: string;
 }) {
   const low = toSlider(min);
@@ -147,12 +164,12 @@ export function SliderField({ label, hint, value, onChange, min, max, step, toSl
         thumbLabel={label}
         onChange={(position) => {
           session.beginGesture();
-          onChange(rounded(fromSlider(position), digits));
+          onChange(whole ? Math.round(fromSlider(position)) : rounded(fromSlider(position), digits));
         }}
         onChangeEnd={() => session.endGesture()}
         data-testid={`${testId}-slider`}
       />
-      <NumberField label={label} value={value} onChange={onChange} min={min} max={max} step={step} width={58} testId={testId} />
+      <NumberField label={label} value={value} onChange={onChange} min={min} max={max} step={step} width={58} whole={whole} testId={testId} />
     </Row>
   );
 }

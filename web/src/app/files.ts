@@ -4,6 +4,7 @@ import { session } from "../session/engine";
 import { encodeScene } from "../session/shareLink";
 import { useSession } from "../session/store";
 import { say, sayError } from "./say";
+import { stillName } from "./stillName";
 
 function download(blob: Blob, name: string): void {
   const url = URL.createObjectURL(blob);
@@ -19,8 +20,9 @@ const baseName = (): string => (useSession.getState().dataset?.name ?? "scene").
 
 export async function saveStill(): Promise<void> {
   say("Drawing a still on the server …");
+  const name = stillName(baseName(), useSession.getState().scene?.rendering.mode ?? "volume", new Date());
   try {
-    download(await session.still(), `${baseName()}.png`);
+    download(await session.still(), name);
   } catch (error) {
     sayError(error);
   }

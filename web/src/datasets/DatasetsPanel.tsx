@@ -38,7 +38,7 @@ export function DatasetsPanel() {
         </p>
       )}
       {mine.length > 0 && (
-        <Section id="mine" title="Mine">
+        <Section id="mine" title="Uploaded">
           <ul className="cards" data-testid="datasets-mine">{mine.map((dataset) => <Card key={dataset.id} dataset={dataset} />)}</ul>
         </Section>
       )}
@@ -70,7 +70,7 @@ function Card({ dataset }: { dataset: Dataset }) {
       </div>
       {confirming && (
         <div className="tile-actions confirm" role="alertdialog" aria-label={`Delete ${dataset.name}?`}>
-          <span>Delete for good?</span>
+          <span>Delete for everybody on this server?</span>
           <Button color="red" variant="light" onClick={() => void removeDataset(dataset.id)} data-testid="delete-confirm">Delete</Button>
           <Button variant="default" onClick={() => setConfirming(false)} data-testid="delete-keep">Keep</Button>
         </div>

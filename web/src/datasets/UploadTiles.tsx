@@ -21,6 +21,11 @@ export function UploadTiles() {
   ));
 }
 
+/** Opens what was uploaded; from then on its place is the list. */
+async function open(tile: number, dataset: string): Promise<void> {
+  if ((await explore(dataset)) === null) dismissUpload(tile);
+}
+
 function TileBody({ tile }: { tile: UploadTile }) {
   const { state } = tile;
   switch (state.kind) {
@@ -53,7 +58,7 @@ function TileBody({ tile }: { tile: UploadTile }) {
         <>
           <DatasetFacts dataset={state.dataset} />
           <div className="tile-actions">
-            <Button onClick={() => void explore(state.dataset.id)} data-testid="upload-explore">Explore</Button>
+            <Button onClick={() => void open(tile.id, state.dataset.id)} data-testid="upload-explore">Explore</Button>
           </div>
         </>
       );

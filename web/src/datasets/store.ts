@@ -2,6 +2,7 @@
 
 import { create } from "zustand";
 import { deleteDataset, getDatasets } from "../api/rest";
+import { offer } from "../app/say";
 import { useUi } from "../app/uiStore";
 import type { Dataset, SceneFile } from "../generated/proto";
 import { session } from "../session/engine";
@@ -56,8 +57,13 @@ export async function refreshDatasets(): Promise<void> {
 /** Opens a dataset; why it did not work is shown at its card, and returned. */
 export async function explore(id: string): Promise<string | null> {
   set({ opening: id, datasetError: null });
+  const before = useSession.getState();
   try {
     await session.openDataset(id);
+    // Another dataset starts a scene of its own; the edited one is kept where the browser's Back leads.
+    if (before.canUndo && before.dataset && useSession.getState().sessionId !== before.sessionId) {
+      offer(`Your scene of ${before.dataset.name} is one step back.`, "Go back", () => window.history.back());
+    }
     // On a narrow page the list lies over the picture that was asked for.
     useUi.setState({ sheet: null });
     return null;

@@ -1,6 +1,7 @@
 /** The lights: list, the selected one in detail, rigs. */
 
 import { Button, Menu } from "@mantine/core";
+import { useEffect, useRef } from "react";
 import { ColorField, IconButton, NumberField, Row, Section, SliderField, TripleField } from "../app/controls";
 import { Icon } from "../app/Icon";
 import { useUi } from "../app/uiStore";
@@ -36,7 +37,6 @@ export function LightsPanel() {
     setLights([...named, newLight(type, fromView(currentCamera(), NEW_LIGHT_FROM), freeId(named, type))]);
     select(lights.length);
   };
-  const light = selected === null ? undefined : lights[selected];
   return (
     <Section id="lights" title="Lights" fields={["lights"]} actions={<AddLight lights={lights} onAdd={addLight} />}>
       <div className="rigs">
@@ -51,25 +51,25 @@ export function LightsPanel() {
       </div>
       <ul className="light-list" data-testid="lights">
         {lights.map((item, index) => (
-          <li key={item.id ?? index} className="light-row" data-selected={index === selected} data-testid={`light-${index}`} data-type={item.type} data-enabled={item.enabled}>
-            <ColorField label="Colour of the light" color={lightHue(item)} testId={`light-colour-${index}`} onChange={(hue) => change(index, setHue(item, hue), `hue-${index}`)} />
-            <button type="button" className="light-name" title={`${lightNames[item.type]} ${item.id ?? index}: place and details`} aria-expanded={index === selected} onClick={() => select(index === selected ? null : index)} data-testid={`light-select-${index}`}>
-              <span>{lightNames[item.type]}</span>
-              <span className="light-id">{item.id ?? index}</span>
-            </button>
-            <NumberField label="Strength" value={lightStrength(item)} min={0} max={MAX_STRENGTH} step={0.1} digits={3} width={52} testId={`light-strength-${index}`} onChange={(strength) => change(index, setStrength(item, strength), `strength-${index}`)} />
-            <IconButton icon={item.enabled ? "eye" : "eyeOff"} label={item.enabled ? "Switch off" : "Switch on"} testId={`light-enabled-${index}`} onClick={() => change(index, { ...item, enabled: !item.enabled })} />
-            <IconButton icon="close" label="Remove" testId={`light-remove-${index}`} onClick={() => {
-              setLights(withIds(lights).filter((_, i) => i !== index));
-              select(null);
-            }} />
+          <li key={item.id ?? index} className="light-item" data-selected={index === selected}>
+            <div className="light-row" data-testid={`light-${index}`} data-type={item.type} data-enabled={item.enabled}>
+              <ColorField label="Colour of the light" color={lightHue(item)} testId={`light-colour-${index}`} onChange={(hue) => change(index, setHue(item, hue), `hue-${index}`)} />
+              <button type="button" className="light-name" title={`${lightNames[item.type]} ${item.id ?? index}: place and details`} aria-expanded={index === selected} onClick={() => select(index === selected ? null : index)} data-testid={`light-select-${index}`}>
+                <span>{lightNames[item.type]}</span>
+                <span className="light-id">{item.id ?? index}</span>
+              </button>
+              <NumberField label="Strength" value={lightStrength(item)} min={0} max={MAX_STRENGTH} step={0.1} digits={3} width={52} testId={`light-strength-${index}`} onChange={(strength) => change(index, setStrength(item, strength), `strength-${index}`)} />
+              <IconButton icon={item.enabled ? "eye" : "eyeOff"} label={item.enabled ? "Switch off" : "Switch on"} testId={`light-enabled-${index}`} onClick={() => change(index, { ...item, enabled: !item.enabled })} />
+              <IconButton icon="close" label="Remove" testId={`light-remove-${index}`} onClick={() => {
+                setLights(withIds(lights).filter((_, i) => i !== index));
+                select(null);
+              }} />
+            </div>
+            {index === selected && <LightDetail light={item} onChange={(to, key) => change(index, to, `${key}-${index}`)} />}
           </li>
         ))}
       </ul>
       {lights.length === 0 && <p className="hint">No lights: only emission is seen. Add one, or take a set above.</p>}
-      {light && selected !== null && (
-        <LightDetail light={light} onChange={(to, key) => change(selected, to, `${key}-${selected}`)} />
-      )}
     </Section>
   );
 }
@@ -97,8 +97,13 @@ function LightDetail({ light, onChange }: { light: Light; onChange: (light: Ligh
   const camera = useSession((state) => state.scene?.camera);
   const towards = towardsLight(light);
   const place = placeOf(light);
+  const panel = useRef<HTMLDivElement>(null);
+  // It opens under its light, which may stand at the lower end of the panel.
+  useEffect(() => {
+    panel.current?.scrollIntoView({ block: "nearest" });
+  }, []);
   return (
-    <div className="light-detail" data-testid="light-detail">
+    <div className="light-detail" ref={panel} data-testid="light-detail">
       {towards && camera && <DirectionSphere towards={toView(camera, towards)} onChange={(direction) => onChange(comeFrom(light, fromView(camera, direction)), "direction")} />}
       <div className="light-numbers">
         <SliderField label="Strength" hint={quantityOf(light)} value={lightStrength(light)} min={0} max={MAX_STRENGTH} sliderMax={SLIDER_STRENGTH} step={0.1} toSlider={Math.sqrt} fromSlider={(x) => x * x} testId="light-strength" onChange={(strength) => onChange(setStrength(light, strength), "strength")} />

@@ -21,7 +21,7 @@ export function PlaneRows({ planes }: Pick<Clip, "planes">) {
       <div key={index} className="plane" data-testid={`clip-plane-${index}`}>
         <div className="plane-head">
           <span className="row-label">Plane {index + 1}</span>
-          <button type="button" className="text-button" title="Cut away what is nearer to you, straight from where you look" onClick={() => change(index, withCut(planeFacing(currentCamera()), share, half))} data-testid={`clip-plane-face-${index}`}>Face me</button>
+          <button type="button" className="text-button" title="Cut away what is nearer to you, straight from where you look" onClick={() => change(index, withCut(planeFacing(currentCamera()), share, half))} data-testid={`clip-plane-face-${index}`}>Across my view</button>
           <button type="button" className="text-button" title="Keep the part that was cut away instead" onClick={() => change(index, flipped(plane))} data-testid={`clip-plane-flip-${index}`}>Other side</button>
           <IconButton icon="close" label="Remove the plane" testId={`clip-plane-remove-${index}`} onClick={() => setPlanes(planes.filter((_, i) => i !== index))} />
         </div>

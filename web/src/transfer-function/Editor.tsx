@@ -9,7 +9,7 @@ import { session } from "../session/engine";
 import { areaUnder, bandPath, columnsPath, curvePath, heightAt, opacityAtY, sAt, xOf, yOf, type Plot } from "./geometry";
 import { heightOf, opacityAt, opacityOf } from "./opacity";
 import { addPoint, moveBand, movePoint, opacityAtValue, removePoint } from "./points";
-import { formatValue, histogramColumns, panWindow, ticks, valueOf, zoomWindow, type Range } from "./valueAxis";
+import { formatData, formatValue, histogramColumns, panWindow, ticks, valueOf, zoomWindow, type Range } from "./valueAxis";
 
 const PLOT_HEIGHT = 148;
 const AXIS_HEIGHT = 20;
@@ -36,11 +36,13 @@ interface Drag {
 export const setPoints = (points: TransferFunctionPoint[], key: string | null = null): void =>
   session.edit({ transfer_function: { points } }, key);
 
-export function Editor({ points, histogram, range, onNumbers }: {
+export function Editor({ points, histogram, range, whole, onNumbers }: {
   points: readonly TransferFunctionPoint[];
   histogram: Histogram | null;
   /** Data values of `s` = 0 and 1. */
   range: Range;
+  /** Values are whole numbers. */
+  whole: boolean;
   /** Exact numbers of the selected point are wanted. */
   onNumbers: () => void;
 }) {
@@ -218,7 +220,7 @@ export function Editor({ points, histogram, range, onNumbers }: {
               role="slider"
               aria-label={`Point ${index + 1}`}
               aria-valuenow={value}
-              aria-valuetext={`value ${formatValue(value)}, opacity ${opacityOf(point).toFixed(3)}`}
+              aria-valuetext={`value ${formatData(value, whole)}, opacity ${opacityOf(point).toFixed(3)}`}
               data-testid={`tf-point-${index}`}
               data-selected={index === selected}
               data-s={point.s}
@@ -237,7 +239,7 @@ export function Editor({ points, histogram, range, onNumbers }: {
         })}
         {pointer && pointer.y <= floor && (
           <text className="tf-readout" x={plot.left + plot.width - 4} y={plot.top + 11}>
-            {formatValue(valueOf(sAt(plot, pointer.x), range))} · {(drag.current ? opacityAt(heightAt(plot, pointer.y), axis) : opacityAtValue(points, sAt(plot, pointer.x))).toFixed(3)}
+            {formatData(valueOf(sAt(plot, pointer.x), range), whole)} · {(drag.current ? opacityAt(heightAt(plot, pointer.y), axis) : opacityAtValue(points, sAt(plot, pointer.x))).toFixed(3)}
           </text>
         )}
       </svg>

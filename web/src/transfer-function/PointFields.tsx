@@ -15,9 +15,11 @@ import { positionOf, valueOf, type Range } from "./valueAxis";
 /** Largest extinction and emission that can be typed; the scene's own limit. */
 const MAX_MAGNITUDE = 1e9;
 
-export function PointFields({ points, range, focusRequest }: {
+export function PointFields({ points, range, whole, focusRequest }: {
   points: readonly TransferFunctionPoint[];
   range: Range;
+  /** Values are whole numbers. */
+  whole: boolean;
   /** Changes when the value field is to take the focus. */
   focusRequest: number;
 }) {
@@ -41,7 +43,7 @@ export function PointFields({ points, range, focusRequest }: {
   return (
     <div className="tf-fields" ref={fields} data-testid="tf-fields">
       <Row label="Value">
-        <NumberField label="Value" value={valueOf(point.s, range)} step={(range[1] - range[0]) / 200} digits={6} width={84} testId="tf-value" onChange={(value) => setPoints(movePoint(points, index, positionOf(value, range), null), `value-${index}`)} />
+        <NumberField label="Value" value={valueOf(point.s, range)} step={(range[1] - range[0]) / 200} digits={6} whole={whole} width={84} testId="tf-value" onChange={(value) => setPoints(movePoint(points, index, positionOf(value, range), null), `value-${index}`)} />
         <ColorField label="Colour" color={point.albedo} testId="tf-colour" onChange={(albedo) => change("albedo", (p) => ({ ...p, albedo }))} />
         <IconButton icon="trash" label="Remove this point" hotkey="Delete" disabled={points.length < 2} testId="tf-remove" onClick={() => {
           setPoints(removePoint(points, index));

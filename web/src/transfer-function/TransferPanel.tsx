@@ -2,14 +2,16 @@
 
 import { SegmentedControl } from "@mantine/core";
 import { useMemo, useState, type ReactNode } from "react";
-import { NumberField, Row, Section, SliderField } from "../app/controls";
+import { Row, Section, SliderField } from "../app/controls";
 import { useUi } from "../app/uiStore";
 import { session } from "../session/engine";
 import { useSession } from "../session/store";
 import { Editor } from "./Editor";
 import { PointFields } from "./PointFields";
 import { Presets } from "./Presets";
-import { valueOf, valueRange } from "./valueAxis";
+import { ontoRange } from "./reframe";
+import { valueOf, valueRange, wholeValues } from "./valueAxis";
+import { WindowRow } from "./WindowRow";
 
 /** Largest density of the slider and of the number. */
 const SLIDER_DENSITY = 10;
@@ -31,6 +33,13 @@ export function TransferPanel({ editCost }: {
   const range = useMemo(() => valueRange(window ? { value_range: window } : null, dataset), [window, dataset]);
 
   if (!points) return null;
+  const whole = wholeValues(dataset);
+  // The points keep their data values; null: all values of the data.
+  const setWindow = (to: [number, number] | null) => {
+    const kept = ontoRange(points, range, to ?? valueRange(null, dataset));
+    session.edit({ value_range: to, transfer_function: { points: kept } });
+    if (kept.length !== points.length) useUi.setState({ selectedPoint: null });
+  };
   const selectedPoint = selected === null ? undefined : points[selected];
   return (
     <Section
@@ -39,7 +48,7 @@ export function TransferPanel({ editCost }: {
       fields={["transfer_function", "value_range", "density"]}
       actions={<Presets histogram={histogram} range={range} surfaceValue={selectedPoint && valueOf(selectedPoint.s, range)} />}
     >
-      <Editor key={dataset?.id} points={points} histogram={histogram} range={range} onNumbers={() => setFocusRequest((n) => n + 1)} />
+      <Editor key={dataset?.id} points={points} histogram={histogram} range={range} whole={whole} onNumbers={() => setFocusRequest((n) => n + 1)} />
       <div className="tf-cost-slot" data-testid="tf-edit-cost">{editCost}</div>
       <Row label="Histogram" hint="Grey columns: how many voxels have each value; logarithmic shows rare values, too">
         <SegmentedControl className="row-choice" value={log ? "log" : "linear"} data={[{ value: "log", label: "Logarithmic" }, { value: "linear", label: "Linear" }]} onChange={(value) => useUi.setState({ logHistogram: value === "log" })} data-testid="tf-histogram-scale" />
@@ -47,13 +56,9 @@ export function TransferPanel({ editCost }: {
       <Row label="Opacity axis" hint="Height of the points: even, or with more room for small opacities">
         <SegmentedControl className="row-choice" value={axis} data={[{ value: "power", label: "Spread near 0" }, { value: "linear", label: "Linear" }]} onChange={(value) => useUi.setState({ opacityAxis: value === "power" ? "power" : "linear" })} data-testid="tf-opacity-axis" />
       </Row>
-      <PointFields points={points} range={range} focusRequest={focusRequest} />
+      <PointFields points={points} range={range} whole={whole} focusRequest={focusRequest} />
       <SliderField label="Density" hint="Multiplies the extinction of every point" value={density} min={0} max={MAX_DENSITY} sliderMax={SLIDER_DENSITY} step={0.05} toSlider={Math.sqrt} fromSlider={(x) => x * x} testId="density" onChange={(value) => session.edit({ density: value }, "density")} />
-      <Row label="Window" hint="Data values at the ends of the transfer function">
-        <NumberField label="Window from" value={range[0]} max={range[1]} digits={6} width={78} step={(range[1] - range[0]) / 100} testId="window-low" onChange={(low) => session.edit({ value_range: [low, range[1]] }, "window")} />
-        <NumberField label="Window to" value={range[1]} min={range[0]} digits={6} width={78} step={(range[1] - range[0]) / 100} testId="window-high" onChange={(high) => session.edit({ value_range: [range[0], high] }, "window")} />
-        {window && <button type="button" className="text-button" title="All values of the data" onClick={() => session.edit({ value_range: null })} data-testid="window-reset">All</button>}
-      </Row>
+      <WindowRow hint="Data values at the ends of the transfer function" range={range} whole={whole} testId="window" onChange={setWindow} onReset={window ? () => setWindow(null) : null} />
     </Section>
   );
 }

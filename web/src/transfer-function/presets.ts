@@ -111,6 +111,13 @@ export function presetsFor(histogram: Histogram, range: Range, surfaceValue?: nu
         point(range[0], 0, skin), point(-300, 0, skin), point(-20, 0.012, skin), point(60, 0.03, muscle),
         point(180, 0.03, muscle), point(280, 0.5, bone, SURFACE), point(1200, 0.9, [0.97, 0.95, 0.9], SURFACE),
       ],
+    }, {
+      id: "bone", label: "Bone", hint: "Solid bone and nothing else (Hounsfield units)",
+      materials: { [SURFACE]: surfaceMaterial },
+      points: [
+        point(range[0], 0, bone, SURFACE), point(180, 0, bone, SURFACE), point(260, 0.6, bone, SURFACE),
+        point(500, 0.9, bone, SURFACE), point(1200, 0.95, [0.97, 0.95, 0.9], SURFACE),
+      ],
     });
   }
   return presets.map((preset) => ({ ...preset, points: ascending(preset.points) }));

@@ -1,9 +1,10 @@
 import { describe, expect, it } from "vitest";
-import { MAX_OPACITY, type Histogram, type TransferFunctionPoint } from "../generated/proto";
+import { MAX_OPACITY, type Histogram, type TransferFunctionPoint, type VoxelType } from "../generated/proto";
 import { extinctionFromOpacity, heightOf, inUnit, opacityAt, opacityFromExtinction, withOpacity } from "./opacity";
 import { addPoint, changePoint, matterAt, moveBand, movePoint, opacityAtValue, removePoint } from "./points";
 import { looksLikeCt, otsuThreshold, presetsFor, quantile } from "./presets";
-import { formatValue, histogramColumns, panWindow, ticks, zoomWindow } from "./valueAxis";
+import { ontoRange } from "./reframe";
+import { formatData, formatValue, histogramColumns, panWindow, positionOf, ticks, valueOf, wholeValues, zoomWindow, type Range } from "./valueAxis";
 
 const point = (s: number, opacity: number, extra: Partial<TransferFunctionPoint> = {}): TransferFunctionPoint => ({
   s, opacity, albedo: [1, 1, 1], emission: [0, 0, 0], ...extra,
@@ -91,6 +92,58 @@ describe("points", () => {
   });
 });
 
+describe("another value range", () => {
+  const from: Range = [0, 100];
+  const curve = [
+    point(0, 0, { albedo: [0, 0, 0] }), point(0.2, 0.1), point(0.6, 0.5, { material: "bone", emission: [0, 1, 0] }), point(0.6, 0.9, { albedo: [1, 0, 0] }), point(1, 0.2),
+  ];
+  const matter = (of: readonly TransferFunctionPoint[], value: number, range: Range) => matterAt(of, positionOf(value, range));
+
+  it("wider: every point keeps its data value", () => {
+    const to: Range = [-100, 300];
+    const moved = ontoRange(curve, from, to);
+    expect(moved).toHaveLength(curve.length);
+    for (const [index, p] of moved.entries()) expect(valueOf(p.s, to)).toBeCloseTo(valueOf(curve[index]?.s ?? NaN, from), 3);
+    expect(moved[2]).toMatchObject({ opacity: 0.5, material: "bone" });
+  });
+
+  it.each<Range>([[10, 80], [20, 60], [30, 50], [-20, 70], [65, 140]])("%d to %d: the curve in it stays, cut at the ends", (low, high) => {
+    const to: Range = [low, high];
+    const moved = ontoRange(curve, from, to);
+    expect(moved.length).toBeLessThanOrEqual(curve.length);
+    expect(moved.every((p, i) => p.s >= (moved[i - 1]?.s ?? 0) && p.s <= 1)).toBe(true);
+    for (const share of [0.001, 0.2, 0.5, 0.77, 0.999]) {
+      const value = valueOf(share, to);
+      const [was, is] = [matter(curve, value, from), matter(moved, value, to)];
+      expect(is.extinction).toBeCloseTo(was.extinction, 2);
+      expect(is.material).toBe(value < 0 ? undefined : was.material);
+      for (const axis of [0, 1, 2]) {
+        expect(is.albedo[axis]).toBeCloseTo(was.albedo[axis] ?? NaN, 4);
+        expect(is.emission[axis]).toBeCloseTo(was.emission[axis] ?? NaN, 4);
+      }
+    }
+  });
+
+  it("keeps extinction where it was given, and does not cut at a point", () => {
+    const dense: TransferFunctionPoint[] = [{ s: 0, extinction: 0, albedo: [1, 1, 1], emission: [0, 0, 0] }, { s: 1, extinction: 5000, albedo: [1, 1, 1], emission: [0, 0, 0] }];
+    expect(ontoRange(dense, from, [0, 50])[1]).toMatchObject({ s: 1, extinction: 2500 });
+    expect(ontoRange(curve, from, [0, 60]).map(({ s }) => s)).toEqual([0, 0.3333333, 1, 1]);
+  });
+
+  it("leaves the cut ends where they are when it is widened again", () => {
+    const cut = ontoRange(curve, from, [10, 40]);
+    const back = ontoRange(cut, [10, 40], from);
+    expect(back).toHaveLength(3);
+    for (const [index, s] of [0.1, 0.2, 0.4].entries()) expect(back[index]?.s).toBeCloseTo(s, 6);
+  });
+
+  it("has matter to show where the curve lies beyond it", () => {
+    expect(ontoRange(curve, from, [200, 300])).toMatchObject([{ s: 0, opacity: 0.2 }]);
+    expect(ontoRange([point(0.5, 0.3)], from, [0, 10])).toMatchObject([{ s: 1, opacity: 0.3 }]);
+    expect(ontoRange([point(0, 0), point(1, 0.5)], from, [40, 60]).map(({ s }) => s)).toEqual([0, 1]);
+  });
+});
+
 describe("the value axis", () => {
   it("zooms about the pointer and stays inside", () => {
     const [low, high] = zoomWindow([0, 1], 0.25, 0.5);
@@ -104,6 +157,15 @@ describe("the value axis", () => {
     expect(ticks([0, 0.35], 4)).toEqual([0, 0.1, 0.2, 0.3]);
     expect(formatValue(1234567)).toBe("1.2e+6");
     expect(formatValue(0.25)).toBe("0.25");
+  });
+
+  it("shows integer data without decimals, but not few of them", () => {
+    const of = (voxel_type: VoxelType, high: number) => wholeValues({ voxel_type, value_range: [0, high] });
+    expect(of("int16", 4000)).toBe(true);
+    expect(of("uint8", 32)).toBe(false);
+    expect(of("float32", 4000)).toBe(false);
+    expect(formatData(-12345.6, true)).toBe("-12346");
+    expect(formatData(0.25, false)).toBe("0.25");
   });
 
   it("keeps the fullest bucket of each column", () => {
@@ -136,6 +198,14 @@ describe("presets", () => {
         if (p.material !== undefined) expect(preset.materials).toHaveProperty(p.material);
       }
     }
+  });
+
+  it("show bone and nothing below it", () => {
+    const range: Range = [-1000, 3000];
+    const bone = presetsFor(ct, range).find((preset) => preset.id === "bone")?.points ?? [];
+    expect(opacityAtValue(bone, positionOf(179, range))).toBe(0);
+    expect(opacityAtValue(bone, positionOf(300, range))).toBeGreaterThan(0.5);
+    expect(opacityAtValue(bone, 1)).toBeGreaterThan(0.9);
   });
 
   it("offer Hounsfield units only where they are", () => {

@@ -7,11 +7,18 @@ export type Range = readonly [number, number];
 
 /** Narrowest window, as a share of the whole range. */
 const MIN_WINDOW = 1e-3;
+/** Integer data over at least this many values are shown without decimals. */
+const WHOLE_SPAN = 100;
 
 /** The data values of `s` = 0 and 1. */
 export function valueRange(scene: Pick<SceneFile, "value_range"> | null, dataset: Dataset | null): Range {
   const [low, high] = scene?.value_range ?? dataset?.value_range ?? [0, 1];
   return high > low ? [low, high] : [low, low + 1];
+}
+
+/** Whether values of this dataset are read as whole numbers. */
+export function wholeValues(dataset: Pick<Dataset, "voxel_type" | "value_range"> | null): boolean {
+  return dataset !== null && /^u?int/.test(dataset.voxel_type) && dataset.value_range[1] - dataset.value_range[0] >= WHOLE_SPAN;
 }
 
 export const valueOf = (s: number, [low, high]: Range): number => low + s * (high - low);
@@ -48,6 +55,9 @@ export function formatValue(value: number): string {
   if (size >= 1e6 || size < 1e-3) return value.toExponential(1);
   return String(Number(value.toPrecision(4)));
 }
+
+/** A data value of this dataset in few characters. */
+export const formatData = (value: number, whole: boolean): string => (whole ? String(Math.round(value) + 0) : formatValue(value));
 
 /**
  * Heights 0..1 of `columns` equal columns over `window` (data values): the fullest bucket that a

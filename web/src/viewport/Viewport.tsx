@@ -9,6 +9,7 @@ import { LightHandle } from "../lights/LightHandle";
 import { session } from "../session/engine";
 import { pictureState, useSession } from "../session/store";
 import { currentCamera, resetView, startUp, toggleFullScreen, toggleProjection } from "./actions";
+import { EdgeLetters } from "./EdgeLetters";
 import { attachGestures } from "./gestures";
 import { OrientationCube } from "./OrientationCube";
 import { Presenter } from "./presenter";
@@ -54,6 +55,7 @@ export function Viewport() {
       <ProbeLayer canvas={canvas} viewport={size} />
       <LightHandle viewport={size} />
       <LoadingMark />
+      <EdgeLetters />
       <OrientationCube />
       <Scale viewportHeight={size.height} />
       <ViewTools />
