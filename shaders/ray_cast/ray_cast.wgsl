@@ -84,19 +84,24 @@ fn integrate(way: Way, counts: ptr<function, vec4u>) -> vec3f {
     // Two loops, because the software device executes all branches of a loop for all lanes: the
     // inner one is short.
     while march.k < way.end {
-        var part = Part();
-        var optical_depth = 0.0;
-        var near = FieldPoint();
-        while march.k < way.end && optical_depth <= 0.0 {
-            if !march.within_step && !begin_step(way, &march, counts) { continue; }
-            near = march.near;
-            part = first_part(near, march.far);
-            optical_depth = 0.5 * (part.sigma_t.x + part.sigma_t.y) * (part.end.t - near.t);
-            march.near = part.end;
-            march.near_is_known = true;
-            march.within_step = !part.ends_step;
-            march.k += select(0.0, 1.0, part.ends_step);
+        var found = march.within_step;
+        while march.k < way.end && !found {
+            if !begin_step(way, &march, counts) { continue; }
+            found = !is_empty(march.near, march.far);
+            if !found {
+                march.near = march.far;
+                march.near_is_known = true;
+                march.k += 1.0;
+            }
         }
+        if !found { break; }
+        let near = march.near;
+        let part = first_part(near, march.far);
+        let optical_depth = 0.5 * (part.sigma_t.x + part.sigma_t.y) * (part.end.t - near.t);
+        march.near = part.end;
+        march.near_is_known = true;
+        march.within_step = !part.ends_step;
+        march.k += select(0.0, 1.0, part.ends_step);
         if optical_depth > 0.0 {
             (*counts).w += 1u;
             let through = exp(-optical_depth);
@@ -187,6 +192,12 @@ struct FieldPoint {
 fn field_at(ray: Ray, t: f32) -> FieldPoint {
     let s = s_of_texel(texel_value(uvw_at(ray, t)));
     return FieldPoint(t, s, table_entry(s));
+}
+
+// Whether a step lies in one piece of the transfer function, without extinction.
+fn is_empty(near: FieldPoint, far: FieldPoint) -> bool {
+    return one_piece(near.extinction, far.extinction)
+        && near.extinction.sigma_t + far.extinction.sigma_t <= 0.0;
 }
 
 // The first part of a step on which s, taken as linear along the step, stays within one piece of
