@@ -518,8 +518,7 @@ fn warm_up_scene(surface: f64, emission: f64) -> proto::SceneFile {
         file::VolumeSource { builtin: Some(file::Builtin::Homogeneous), ..file::VolumeSource::default() };
     let mut scene = proto::SceneFile::new(source);
     // What default scenes and samples use.
-    let brdf =
-        Some(file::Brdf::BlinnPhong(file::BlinnPhong { diffuse: 0.9, specular: 0.1, exponent: 30.0 }));
+    let brdf = Some(file::Brdf::BlinnPhong(file::BlinnPhong { diffuse: 0.9, specular: 0.1, exponent: 30.0 }));
     scene.materials.insert("m".into(), file::Material { surface, brdf, ..file::Material::default() });
     for point in &mut scene.transfer_function.points {
         point.material = Some("m".into());
