@@ -88,6 +88,8 @@ pub mod limits {
     pub const MAX_IMAGE_EDGE: u32 = 8192;
     /// Largest edge of a built-in or raw volume, voxels.
     pub const MAX_VOLUME_EDGE: u32 = 2048;
+    /// Most segments a view ray is kept in.
+    pub const MAX_SEGMENTS: u32 = 32;
     /// Opacity is clamped to this before it becomes an extinction.
     pub const MAX_OPACITY: f64 = 0.9999;
     /// Reference length, world units, of an opacity: `extinction = -ln(1 - opacity) / 0.01`.
@@ -818,6 +820,9 @@ pub struct Sampling {
     pub termination_transmittance: f64,
     /// Who interpolates between voxels, for the linear filter.
     pub interpolation: Interpolation,
+    /// Segments a view ray is kept in between edits of matter, so that an edit casts anew only
+    /// those it touches, 0..32; 0 keeps none.
+    pub segments: u32,
 }
 
 /// What is drawn.
@@ -890,6 +895,7 @@ impl Default for Sampling {
             samples_per_pixel: 8,
             skip_empty: true,
             termination_transmittance: 1e-3,
+            segments: 4,
             interpolation: Interpolation::default(),
         }
     }

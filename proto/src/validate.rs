@@ -34,6 +34,7 @@ pub(crate) fn scene(scene: &SceneFile) -> Checked {
     within("sampling.step_voxels", sampling.step_voxels, 1.0 / 16.0, 8.0)?;
     within("sampling.samples_per_pixel", f64::from(sampling.samples_per_pixel), 1.0, 4096.0)?;
     within("sampling.termination_transmittance", sampling.termination_transmittance, 0.0, 0.5)?;
+    within("sampling.segments", f64::from(sampling.segments), 0.0, f64::from(MAX_SEGMENTS))?;
     if let Some(value) = scene.rendering.isovalue {
         within("rendering.isovalue", value, -MAX_MAGNITUDE, MAX_MAGNITUDE)?;
     }

@@ -11,7 +11,8 @@
 // exactly zero and the image does not change by a bit.
 
 @group(0) @binding(5) var<storage, read_write> film: array<vec4f>;
-// Pairs of low and high words: samples (steps) taken, skipped, on the lattice; parts with matter.
+// Pairs of low and high words: samples (steps) taken, skipped, on the lattice; parts with matter;
+// view-ray segments used again, cast.
 @group(0) @binding(6) var<storage, read_write> counters: array<atomic<u32>>;
 
 // What a pixel shows.
@@ -26,7 +27,8 @@ const SLICE = 5u;
 // Keeps a quotient of extinctions finite.
 const SMALLEST_EXTINCTION = 1e-30;
 
-var<workgroup> group_counts: array<atomic<u32>, 4>;
+const COUNTERS = 6u;
+var<workgroup> group_counts: array<atomic<u32>, COUNTERS>;
 
 @compute @workgroup_size(8, 8)
 fn ray_cast(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_index) lane: u32) {
@@ -38,9 +40,9 @@ fn ray_cast(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_
     let inside = id.x < frame.image.x && id.y < frame.row_count;
     let column = min(id.x, frame.image.x - 1u);
     let pixel = vec2u(column, frame.first_row + min(id.y, frame.row_count - 1u));
-    let radiance = seen(camera_ray(vec2f(pixel) + frame.subpixel), &counts);
+    let index = pixel.y * frame.image.x + pixel.x;
+    let radiance = seen(camera_ray(vec2f(pixel) + frame.subpixel), index, inside, &counts);
     if inside {
-        let index = pixel.y * frame.image.x + pixel.x;
         if steering(frame.sample_index) == 0u {
             film[index] = vec4f(radiance, 1.0);
         } else {
@@ -48,12 +50,17 @@ fn ray_cast(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_
         }
     } else {
         counts = vec4u(0u);
+        segment_counts = vec2u(0u);
     }
     for (var i = 0u; i < 4u; i++) {
         atomicAdd(&group_counts[i], counts[i]);
     }
+    if KEEP_SEGMENTS {
+        atomicAdd(&group_counts[4], segment_counts.x);
+        atomicAdd(&group_counts[5], segment_counts.y);
+    }
     workgroupBarrier();
-    if lane < 4u {
+    if lane < COUNTERS {
         add_to_counter(lane, atomicLoad(&group_counts[lane]));
     }
 }
@@ -66,27 +73,39 @@ fn add_to_counter(counter: u32, amount: u32) {
     }
 }
 
-fn seen(eye_ray: Ray, counts: ptr<function, vec4u>) -> vec3f {
+// `keep`: whether what is found out about the pixel may be written down.
+fn seen(eye_ray: Ray, pixel_index: u32, keep: bool, counts: ptr<function, vec4u>) -> vec3f {
     let way = way_of(eye_ray);
     if !way.meets { return frame.background; }
     (*counts).z += u32(max(way.end - way.first, 0.0));
-    if MODE == VOLUME { return integrate(way, counts); }
+    if MODE == VOLUME {
+        if KEEP_SEGMENTS { return through_segments(way, pixel_index, keep, counts); }
+        let all = integrate(way, way.first, way.end, counts);
+        return all.xyz + select(all.w, 0.0, all.w < frame.termination) * frame.background;
+    }
     if MODE == ISOSURFACE { return isosurface(way, counts); }
     return values(way, counts);
 }
 
-fn integrate(way: Way, counts: ptr<function, vec4u>) -> vec3f {
+// Radiance from steps first .. end of the lattice, and their transmittance. Summed up segment by
+// segment (segments.wgsl), so that whole rays and kept segments add the same numbers in the same
+// order.
+fn integrate(way: Way, first: f32, end: f32, counts: ptr<function, vec4u>) -> vec4f {
     let ray = way.ray;
     let w_o = -ray.direction;
-    var transmittance = 1.0;
+    // Of the segments before, and of this one.
+    var radiance_before = vec3f(0.0);
+    var transmittance_before = 1.0;
     var radiance = vec3f(0.0);
-    var march = March(way.first, way.first, FieldPoint(), FieldPoint(), false, false);
+    var transmittance = 1.0;
+    var segment = segment_of(way, first);
+    var march = March(first, first, FieldPoint(), FieldPoint(), false, false);
     // Two loops, because the software device executes all branches of a loop for all lanes: the
     // inner one is short.
-    while march.k < way.end {
+    while march.k < end {
         var found = march.within_step;
-        while march.k < way.end && !found {
-            if !begin_step(way, &march, counts) { continue; }
+        while march.k < end && !found {
+            if !begin_step(way, end, &march, counts) { continue; }
             found = !is_empty(march.near, march.far);
             if !found {
                 march.near = march.far;
@@ -95,6 +114,15 @@ fn integrate(way: Way, counts: ptr<function, vec4u>) -> vec3f {
             }
         }
         if !found { break; }
+        let now_in = segment_of(way, march.k);
+        if now_in != segment {
+            radiance_before += transmittance_before * radiance;
+            transmittance_before *= transmittance;
+            radiance = vec3f(0.0);
+            transmittance = 1.0;
+            segment = now_in;
+            if transmittance_before < frame.termination { break; }
+        }
         let near = march.near;
         let part = first_part(near, march.far);
         let optical_depth = 0.5 * (part.sigma_t.x + part.sigma_t.y) * (part.end.t - near.t);
@@ -118,10 +146,11 @@ fn integrate(way: Way, counts: ptr<function, vec4u>) -> vec3f {
             if EMISSION { source += (1.0 - albedo) * emission_at(place); }
             radiance += transmittance * (1.0 - through) * source;
             transmittance *= through;
-            if transmittance < frame.termination { return radiance; }
+            if transmittance < frame.termination { break; }
         }
     }
-    return radiance + transmittance * frame.background;
+    radiance_before += transmittance_before * radiance;
+    return vec4f(radiance_before, transmittance_before * transmittance);
 }
 
 // Where a ray has got to: what is left of step k is from `near`, on the lattice or where the field
@@ -137,10 +166,10 @@ struct March {
 }
 
 // Reads the field at the ends of step k; or leaps on, and returns false.
-fn begin_step(way: Way, march: ptr<function, March>, counts: ptr<function, vec4u>) -> bool {
+fn begin_step(way: Way, end: f32, march: ptr<function, March>, counts: ptr<function, vec4u>) -> bool {
     let k = (*march).k;
     var unknown = (*march).unknown;
-    let next = leap(way, k, &unknown);
+    let next = min(leap(way, k, &unknown), end);
     (*march).unknown = unknown;
     if next > k {
         (*counts).y += u32(next - k);

@@ -51,9 +51,15 @@ fn uvw_at(ray: Ray, t: f32) -> vec3f {
 // The lattice point at or after k from which on there may be something to see. `unknown` is the
 // first point whose macrocell has not been looked up yet.
 fn leap(way: Way, k: f32, unknown: ptr<function, f32>) -> f32 {
-    if steering(frame.skip_empty) == 0u || k < *unknown { return k; }
+    if steering(frame.skip_empty) == 0u { return k; }
+    return leap_by(distance_map, way, k, unknown);
+}
+
+// The same by any map of distances to marked cells.
+fn leap_by(map: texture_3d<u32>, way: Way, k: f32, unknown: ptr<function, f32>) -> f32 {
+    if k < *unknown { return k; }
     let uvw = uvw_at(way.ray, distance_at(way, k));
-    let distance = cell_distance(uvw);
+    let distance = cell_distance(map, uvw);
     let leave = index_at(way, block_end(way.ray, uvw, max(distance, 1.0)));
     if distance == 0.0 {
         // This cell may show something: no look-up until the ray has left it.
@@ -63,11 +69,11 @@ fn leap(way: Way, k: f32, unknown: ptr<function, f32>) -> f32 {
     return clamp(floor(leave), k, way.end);
 }
 
-// Cells to the nearest cell with matter, 0 in such a cell.
-fn cell_distance(uvw: vec3f) -> f32 {
-    let cells = vec3i(textureDimensions(distance_map));
+// Cells to the nearest marked cell, 0 in such a cell.
+fn cell_distance(map: texture_3d<u32>, uvw: vec3f) -> f32 {
+    let cells = vec3i(textureDimensions(map));
     let cell = vec3i(floor(uvw * frame.voxels / MACROCELL_EDGE));
-    return f32(textureLoad(distance_map, clamp(cell, vec3i(0), cells - 1), 0).x);
+    return f32(textureLoad(map, clamp(cell, vec3i(0), cells - 1), 0).x);
 }
 
 // Distance at which the ray leaves the block of cells closer than `distance` to the cell at uvw.

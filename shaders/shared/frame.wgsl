@@ -43,6 +43,11 @@ struct Frame {
     lattice_shift: f32,
     // Samples per pixel the film holds before this pass.
     sample_index: u32,
+    // 1: view-ray segments may be used again.
+    segments_kept: u32,
+    pad0: u32,
+    pad1: u32,
+    pad2: u32,
     // Slice: the points with dot(xyz, x) = w. Isosurface: w is its s, not clamped.
     surface: vec4f,
     // Each keeps dot(xyz, x) >= w; unit normals.

@@ -95,7 +95,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
 
     let gpu = Gpu::open(AdapterPolicy::Any)?;
-    let mut session = Session { renderer: Renderer::new(gpu)?, view: View::new(), epoch: 0, arguments };
+    // Without edits nothing is kept for them.
+    let view = if edits.is_empty() { View::new() } else { View::for_edits() };
+    let mut session = Session { renderer: Renderer::new(gpu)?, view, epoch: 0, arguments };
     let initial = session.draw(&file, scene, "scene")?;
     let mut reports = Vec::new();
     for (index, patch) in edits.iter().enumerate() {
@@ -153,10 +155,17 @@ impl Session<'_> {
         if self.arguments.explain {
             explain(name, &drawn);
         }
-        Ok(json!({
+        let mut report = json!({
             "name": name, "millis": millis, "picture_millis": picture_millis, "samples_per_pixel": drawn.samples_per_pixel, "changes": drawn.plan.changes,
             "plan": drawn.plan.report(), "stages": drawn.stages, "counters": drawn.counters,
-        }))
+        });
+        let count = |name: &str| drawn.counters.get(name).copied().unwrap_or(0);
+        let (reused, recomputed) = (count("segments_reused"), count("segments_cast"));
+        if reused + recomputed > 0 {
+            report["segments"] =
+                json!({"total": reused + recomputed, "reused": reused, "recomputed": recomputed});
+        }
+        Ok(report)
     }
 
     fn write(&mut self, output: Output, path: &Path) -> anyhow::Result<()> {

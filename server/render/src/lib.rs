@@ -8,6 +8,7 @@ mod film;
 mod gpu;
 mod ray_cast;
 mod renderer;
+mod segments;
 pub mod shaders;
 pub mod still;
 mod tables;

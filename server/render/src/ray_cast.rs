@@ -22,6 +22,10 @@ pub struct Variant {
     pub filter: u32,
     /// What a pixel shows; `MODE` in the shader.
     pub mode: u32,
+    /// Segments a ray's sum is made of; `SEGMENTS` in the shader.
+    pub segments: u32,
+    /// Whether they are kept; `KEEP_SEGMENTS` in the shader.
+    pub keep_segments: bool,
     /// What the scene uses.
     pub features: Features,
 }
@@ -40,7 +44,7 @@ pub struct Features {
 }
 
 impl Variant {
-    /// The cheapest variant that draws the scene.
+    /// The cheapest variant that draws the scene, rays whole.
     pub fn of(scene: &Scene, texture: &VolumeTexture) -> Self {
         let hardware = scene.sampling.interpolation == Interpolation::Sampler;
         Self {
@@ -57,6 +61,8 @@ impl Variant {
                 Rendering::Isosurface { .. } => 4,
                 Rendering::Slice { .. } => 5,
             },
+            segments: scene.sampling.segments.max(1),
+            keep_segments: false,
             features: if scene.rendering.is_lit() { Features::of(scene) } else { Features::default() },
         }
     }
@@ -120,6 +126,8 @@ pub struct RayCaster {
 pub struct Bindings {
     pub bind_group_layout: wgpu::BindGroupLayout,
     pub sampler: wgpu::Sampler,
+    /// In place of view-ray segments where rays are cast whole.
+    pub no_segments: wgpu::Buffer,
     pipeline_layout: wgpu::PipelineLayout,
 }
 
@@ -147,6 +155,8 @@ impl RayCaster {
             let mut constants = variant.features.constants().to_vec();
             constants.push(("FILTER", f64::from(variant.filter)));
             constants.push(("MODE", f64::from(variant.mode)));
+            constants.push(("SEGMENTS", f64::from(variant.segments)));
+            constants.push(("KEEP_SEGMENTS", f64::from(u8::from(variant.keep_segments))));
             gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some("ray_cast"),
                 layout: Some(layout),
@@ -181,11 +191,17 @@ impl Bindings {
             min_filter: filter,
             ..wgpu::SamplerDescriptor::default()
         });
-        Self { bind_group_layout, sampler, pipeline_layout }
+        let no_segments = device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("no view-ray segments"),
+            size: 16,
+            usage: wgpu::BufferUsages::STORAGE,
+            mapped_at_creation: false,
+        });
+        Self { bind_group_layout, sampler, no_segments, pipeline_layout }
     }
 }
 
-fn layout_entries(filtering: bool) -> [wgpu::BindGroupLayoutEntry; 10] {
+fn layout_entries(filtering: bool) -> [wgpu::BindGroupLayoutEntry; 12] {
     let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
         binding,
         visibility: wgpu::ShaderStages::COMPUTE,
@@ -217,5 +233,7 @@ fn layout_entries(filtering: bool) -> [wgpu::BindGroupLayoutEntry; 10] {
         entry(7, texture(wgpu::TextureSampleType::Float { filterable: filtering })),
         entry(8, wgpu::BindingType::Sampler(sampler)),
         entry(9, texture(wgpu::TextureSampleType::Uint)),
+        entry(10, write()),
+        entry(11, texture(wgpu::TextureSampleType::Uint)),
     ]
 }

@@ -8,13 +8,14 @@ use proto::FieldError;
 use proto::plan::{FrameReport, StageTime};
 use proto::scene_file::{Method, ToneMapping};
 use scene::distance::distance_map;
-use scene::plan::{FilmPlan, Pass, Plan, Target};
+use scene::plan::{FilmPlan, Pass, Plan, SegmentsPlan, Target};
 use scene::{Rendering, Scene, Snapshot};
 
 use crate::error::RenderError;
 use crate::film::ToneMapper;
 use crate::gpu::{Gpu, buffer_entry, texture_entry};
 use crate::ray_cast::{RayCaster, Variant, WORKGROUP_EDGE};
+use crate::segments::Segments;
 use crate::tables;
 use crate::uniforms::{FrameUniform, MAX_PLANES};
 use crate::view::{
@@ -36,7 +37,14 @@ const FIRST_SLICE_SHARE: u32 = 16;
 /// that on a busy one).
 const MIN_SLICE_PIXELS: u32 = 16_384;
 /// Names of the words of the counter buffer, in the shader's order.
-const COUNTERS: [&str; 4] = ["samples_taken", "samples_skipped", "samples_on_lattice", "samples_with_matter"];
+const COUNTERS: [&str; 6] = [
+    "samples_taken",
+    "samples_skipped",
+    "samples_on_lattice",
+    "samples_with_matter",
+    "segments_reused",
+    "segments_cast",
+];
 /// GPU memory for volumes no view holds any more.
 const VOLUME_CACHE_BYTES: u64 = 2 << 30;
 
@@ -187,10 +195,10 @@ impl Renderer {
         let snapshot = request.snapshot;
         let scene = &snapshot.scene;
         check(scene).map_err(RenderError::NotBuilt)?;
-        let plan = Plan::new(&view.caches(), scene, request.target);
+        let plan = self.plan(view, scene, request.target);
         let mut stages = Stages::default();
         self.bring_tables_up_to_date(view, snapshot, &plan, &mut stages)?;
-        self.bring_film_to(view, snapshot, request.target, plan.film)?;
+        self.bring_film_to(view, snapshot, request.target, &plan)?;
         let mut counters = BTreeMap::new();
         if plan.runs(Pass::RayCast) {
             stages.time("ray_cast", || self.cast_rays(view, scene, request, began))?;
@@ -206,6 +214,11 @@ impl Renderer {
             counters,
             gpu_bytes: self.gpu_bytes(view),
         })
+    }
+
+    /// What drawing would do now.
+    pub fn plan(&self, view: &View, scene: &Scene, target: Target) -> Plan {
+        Plan::new(&view.caches(scene, target, self.gpu.max_binding_bytes()), scene, target)
     }
 
     /// Tone-mapped picture of the view's film as it stands. Before the first complete pass, rows
@@ -353,10 +366,16 @@ impl Renderer {
     fn distance_map(&self, scene: &Scene) -> Result<wgpu::TextureView, RenderError> {
         let cells = &scene.volume.macrocells;
         let distances = distance_map(cells.dims, cells.masks(scene.filter), scene.bins_in_view());
+        self.cell_map("distance map", scene, &distances)
+    }
+
+    /// A byte per macrocell.
+    fn cell_map(&self, label: &str, scene: &Scene, bytes: &[u8]) -> Result<wgpu::TextureView, RenderError> {
+        let cells = &scene.volume.macrocells;
         let [width, height, depth] = cells.dims.map(|n| n as u32);
         let size = wgpu::Extent3d { width, height, depth_or_array_layers: depth };
         let dimension = wgpu::TextureDimension::D3;
-        self.texture("distance map", size, dimension, wgpu::TextureFormat::R8Uint, &distances)
+        self.texture(label, size, dimension, wgpu::TextureFormat::R8Uint, bytes)
     }
 
     /// Makes the film the newest snapshot's: kept, refined or begun again.
@@ -365,9 +384,9 @@ impl Renderer {
         view: &mut View,
         snapshot: &Arc<Snapshot>,
         target: Target,
-        plan: FilmPlan,
+        plan: &Plan,
     ) -> Result<(), RenderError> {
-        if plan != FilmPlan::Restart {
+        if plan.film != FilmPlan::Restart {
             if let Some(film) = &mut view.film {
                 // Nothing that changed since can be seen on it, so it is this snapshot's film, too.
                 film.snapshot = snapshot.clone();
@@ -387,7 +406,9 @@ impl Renderer {
             encoder.clear_buffer(&buffers.film, 0, Some(pixels * FILM_PIXEL_BYTES));
             self.gpu.queue.submit([encoder.finish()]);
         }
-        view.film = Some(FilmCache { snapshot: snapshot.clone(), width, height, samples: 0, rows: 0 });
+        let in_segments = plan.segments != SegmentsPlan::Unused;
+        view.film =
+            Some(FilmCache { snapshot: snapshot.clone(), width, height, samples: 0, rows: 0, in_segments });
         view.picture = None;
         Ok(())
     }
@@ -421,7 +442,7 @@ impl Renderer {
         request: &DrawRequest<'_>,
         began: Instant,
     ) -> Result<(), RenderError> {
-        let View { volume, transfer_function, distance_map, lights, film, buffers, .. } = view;
+        let View { volume, transfer_function, distance_map, lights, film, buffers, segments, .. } = view;
         let (
             Some((_, texture)),
             Some((_, tables)),
@@ -433,45 +454,30 @@ impl Renderer {
         else {
             return Err(RenderError::Gpu("a table of the view is missing".into()));
         };
-        let variant = Variant::of(scene, texture);
-        let pipeline = self.ray_caster.pipeline(variant);
-        let bindings = self.ray_caster.bindings(variant);
-        let gpu = &self.gpu;
-        let bind_group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("ray_cast"),
-            layout: &bindings.bind_group_layout,
-            entries: &[
-                buffer_entry(0, &buffers.frame),
-                texture_entry(1, &tables.points),
-                texture_entry(2, &tables.cells),
-                buffer_entry(3, &tables.materials),
-                buffer_entry(4, lights),
-                buffer_entry(5, &buffers.film),
-                buffer_entry(6, &buffers.counters),
-                texture_entry(7, &texture.view),
-                wgpu::BindGroupEntry {
-                    binding: 8,
-                    resource: wgpu::BindingResource::Sampler(&bindings.sampler),
-                },
-                texture_entry(9, distance_map),
-            ],
-        });
-        gpu.queue.write_buffer(&buffers.counters, 0, &[0; COUNTER_BYTES as usize]);
+        self.gpu.queue.write_buffer(&buffers.counters, 0, &[0; COUNTER_BYTES as usize]);
         let mut uniform = frame_uniform(scene, texture, film);
+        let tables = BoundTables { texture, tables, distance_map, lights };
+        let mut pass: Option<SamplePass> = None;
         while film.samples < request.target.samples_per_pixel {
+            let current = match pass.take().filter(|pass| pass.sample == film.samples) {
+                Some(pass) => pass,
+                None => self.sample_pass(scene, &tables, buffers, film, segments)?,
+            };
             let rows = slice_rows(film, view.millis_per_megasample, request.budget);
+            uniform.segments_kept = u32::from(current.segments_kept);
             uniform.first_row = film.rows;
             uniform.row_count = rows;
             uniform.sample_index = film.samples;
             (uniform.subpixel, uniform.lattice_shift) = sample_position(film.samples);
+            let gpu = &self.gpu;
             gpu.queue.write_buffer(&buffers.frame, 0, bytemuck::bytes_of(&uniform));
             let slice_began = Instant::now();
             let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
             {
-                let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-                pass.set_pipeline(&pipeline);
-                pass.set_bind_group(0, &bind_group, &[]);
-                pass.dispatch_workgroups(
+                let mut dispatch = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+                dispatch.set_pipeline(&current.pipeline);
+                dispatch.set_bind_group(0, &current.bind_group, &[]);
+                dispatch.dispatch_workgroups(
                     film.width.div_ceil(WORKGROUP_EDGE),
                     rows.div_ceil(WORKGROUP_EDGE),
                     1,
@@ -483,14 +489,71 @@ impl Renderer {
             view.millis_per_megasample = slice_began.elapsed().as_secs_f64() * 1e3 / megasamples;
             film.rows += rows;
             if film.rows >= film.height {
+                if current.in_segments {
+                    segments.finish(film.samples, &film.snapshot);
+                }
                 film.rows = 0;
                 film.samples += 1;
             }
+            pass = Some(current);
             if request.budget.is_some_and(|budget| began.elapsed() >= budget) {
                 break;
             }
         }
         Ok(())
+    }
+
+    /// Pipeline and bindings for one sample per pixel of the film.
+    fn sample_pass(
+        &mut self,
+        scene: &Scene,
+        tables: &BoundTables<'_>,
+        buffers: &ViewBuffers,
+        film: &FilmCache,
+        segments: &mut Segments,
+    ) -> Result<SamplePass, RenderError> {
+        let size = (film.width, film.height);
+        let layer = film.in_segments.then(|| segments.begin(&self.gpu, size, film.samples, &film.snapshot));
+        let layer = layer.flatten();
+        let mut variant = Variant::of(scene, tables.texture);
+        let mut changed_map = None;
+        if let Some(layer) = &layer {
+            variant.keep_segments = true;
+            if let Some(distances) = &layer.changed_distances {
+                changed_map = Some(self.cell_map("map of changes", scene, distances)?);
+            }
+        }
+        let pipeline = self.ray_caster.pipeline(variant);
+        let bindings = self.ray_caster.bindings(variant);
+        let segments = layer.as_ref().map_or(&bindings.no_segments, |layer| &layer.buffer);
+        let bind_group = self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("ray_cast"),
+            layout: &bindings.bind_group_layout,
+            entries: &[
+                buffer_entry(0, &buffers.frame),
+                texture_entry(1, &tables.tables.points),
+                texture_entry(2, &tables.tables.cells),
+                buffer_entry(3, &tables.tables.materials),
+                buffer_entry(4, tables.lights),
+                buffer_entry(5, &buffers.film),
+                buffer_entry(6, &buffers.counters),
+                texture_entry(7, &tables.texture.view),
+                wgpu::BindGroupEntry {
+                    binding: 8,
+                    resource: wgpu::BindingResource::Sampler(&bindings.sampler),
+                },
+                texture_entry(9, tables.distance_map),
+                buffer_entry(10, segments),
+                texture_entry(11, changed_map.as_ref().unwrap_or(tables.distance_map)),
+            ],
+        });
+        Ok(SamplePass {
+            sample: film.samples,
+            in_segments: layer.is_some(),
+            segments_kept: changed_map.is_some(),
+            pipeline,
+            bind_group,
+        })
     }
 
     fn read_counters(&self, view: &View, counters: &mut BTreeMap<String, u64>) -> Result<(), RenderError> {
@@ -505,7 +568,7 @@ impl Renderer {
     }
 
     fn gpu_bytes(&self, view: &View) -> BTreeMap<String, u64> {
-        [("volumes", self.volumes.bytes()), ("film", view.bytes())]
+        [("volumes", self.volumes.bytes()), ("film", view.bytes()), ("segments", view.segment_bytes())]
             .map(|(owner, bytes)| (owner.to_owned(), bytes))
             .into()
     }
@@ -528,6 +591,26 @@ fn warm_up_scene(surface: f64, emission: f64) -> proto::SceneFile {
     let light = file::DirectionalLight { id: None, enabled: true, direction, irradiance };
     scene.lights.push(file::Light::Directional(light));
     scene
+}
+
+/// What every pass of the ray caster over a view reads.
+struct BoundTables<'a> {
+    texture: &'a VolumeTexture,
+    tables: &'a TransferFunctionTables,
+    distance_map: &'a wgpu::TextureView,
+    lights: &'a wgpu::Buffer,
+}
+
+/// One sample per pixel: what its slices are dispatched with.
+struct SamplePass {
+    /// Index of the sample.
+    sample: u32,
+    /// Whether rays are cast in segments, which are kept.
+    in_segments: bool,
+    /// Whether segments kept before may serve again.
+    segments_kept: bool,
+    pipeline: wgpu::ComputePipeline,
+    bind_group: wgpu::BindGroup,
 }
 
 /// Two words a counter.
@@ -624,6 +707,10 @@ fn frame_uniform(scene: &Scene, texture: &VolumeTexture, film: &FilmCache) -> Fr
         subpixel: [0.5; 2],
         lattice_shift: 0.0,
         sample_index: 0,
+        segments_kept: 0,
+        pad0: 0,
+        pad1: 0,
+        pad2: 0,
         surface: surface(scene),
         planes,
     }

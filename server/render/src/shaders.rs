@@ -19,6 +19,7 @@ pub const RAY_CAST: &str = parts!(
     "ray_cast/way.wgsl",
     "ray_cast/values.wgsl",
     "ray_cast/isosurface.wgsl",
+    "ray_cast/segments.wgsl",
     "ray_cast/ray_cast.wgsl",
 );
 

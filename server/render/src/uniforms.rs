@@ -37,6 +37,10 @@ pub struct FrameUniform {
     pub subpixel: [f32; 2],
     pub lattice_shift: f32,
     pub sample_index: u32,
+    pub segments_kept: u32,
+    pub pad0: u32,
+    pub pad1: u32,
+    pub pad2: u32,
     pub surface: [f32; 4],
     pub planes: [[f32; 4]; MAX_PLANES],
 }
@@ -128,6 +132,10 @@ pub fn layouts() -> Vec<Layout> {
                 subpixel,
                 lattice_shift,
                 sample_index,
+                segments_kept,
+                pad0,
+                pad1,
+                pad2,
                 surface,
                 planes,
             }

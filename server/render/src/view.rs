@@ -2,9 +2,10 @@
 
 use std::sync::Arc;
 
-use scene::Snapshot;
-use scene::plan::{Caches, FilmState, Target};
+use scene::plan::{Caches, FilmState, SegmentsState, Target};
+use scene::{Scene, Snapshot};
 
+use crate::segments::Segments;
 use crate::volume_texture::VolumeTexture;
 
 /// Everything the GPU keeps for one viewer. Empty until it is first drawn; dropping it frees all.
@@ -18,6 +19,9 @@ pub struct View {
     /// Snapshot and film state the tone-mapped picture shows.
     pub(crate) picture: Option<(Arc<Snapshot>, Target)>,
     pub(crate) buffers: Option<ViewBuffers>,
+    pub(crate) segments: Segments,
+    /// Whether segments are kept from the first picture on.
+    edits_to_come: bool,
     /// Milliseconds per million pixel samples, of the last slices; sizes the next slice.
     pub(crate) millis_per_megasample: f64,
 }
@@ -37,6 +41,8 @@ pub(crate) struct FilmCache {
     pub samples: u32,
     /// Rows of the current pass that are done.
     pub rows: u32,
+    /// Whether its rays are cast in view-ray segments, which are kept.
+    pub in_segments: bool,
 }
 
 /// Buffers of fixed meaning; the film and the picture grow with the image.
@@ -55,8 +61,22 @@ impl View {
         Self::default()
     }
 
-    pub(crate) fn caches(&self) -> Caches<'_> {
+    /// A view of a scene that will be edited: view-ray segments are kept from the first picture
+    /// on, not only from the first edit.
+    pub fn for_edits() -> Self {
+        Self { edits_to_come: true, ..Self::default() }
+    }
+
+    /// What the plan of a picture has to know; `max_binding_bytes` is the device's.
+    pub(crate) fn caches(&self, scene: &Scene, target: Target, max_binding_bytes: u64) -> Caches<'_> {
+        let size = (target.width, target.height);
+        let segments = self.segments.state(size, scene.sampling.segments, max_binding_bytes);
         Caches {
+            segments: SegmentsState {
+                wanted: self.edits_to_come,
+                film_is_cast_in_them: self.film.as_ref().is_some_and(|film| film.in_segments),
+                ..segments
+            },
             volume: self.volume.as_ref().map(|(snapshot, _)| &snapshot.scene),
             transfer_function: self.transfer_function.as_ref().map(|(snapshot, _)| &snapshot.scene),
             distance_map: self.distance_map.as_ref().map(|(snapshot, _)| &snapshot.scene),
@@ -75,6 +95,11 @@ impl View {
     /// Bytes of film and picture.
     pub fn bytes(&self) -> u64 {
         self.buffers.as_ref().map_or(0, |buffers| buffers.capacity * (FILM_PIXEL_BYTES + PICTURE_PIXEL_BYTES))
+    }
+
+    /// Bytes of view-ray segments.
+    pub fn segment_bytes(&self) -> u64 {
+        self.segments.bytes()
     }
 }
 

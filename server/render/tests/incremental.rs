@@ -96,11 +96,11 @@ proptest! {
     fn incremental_equals_from_scratch(edits in prop::collection::vec(any_edit(), 1..6)) {
         let volume = blobs();
         let mut renderer = renderer();
-        let mut running = View::new();
+        let mut running = View::for_edits();
         for count in 0..=edits.len() {
             let newest = snapshot(&volume, merged(&edits[..count]), count as u32 + 1);
             draw(&mut renderer, &mut running, &newest, target(40, 32, 2));
-            let mut fresh = View::new();
+            let mut fresh = View::for_edits();
             draw(&mut renderer, &mut fresh, &newest, target(40, 32, 2));
             prop_assert!(renderer.radiance(&running).unwrap() == renderer.radiance(&fresh).unwrap(), "after edit {}", count);
         }

@@ -45,7 +45,7 @@ pub struct Changes {
     pub window: bool,
     /// Albedo or material of the isosurface.
     pub isosurface: bool,
-    /// Step length, termination or interpolation of view rays.
+    /// Step length, termination, interpolation or segments of view rays.
     pub ray_sampling: bool,
     /// Exposure or tone mapping.
     pub film: bool,
@@ -82,7 +82,8 @@ impl Changes {
             },
             ray_sampling: a.step_voxels != b.step_voxels
                 || a.termination_transmittance != b.termination_transmittance
-                || a.interpolation != b.interpolation,
+                || a.interpolation != b.interpolation
+                || a.segments != b.segments,
             film: old.film != new.film,
         }
     }

@@ -20,6 +20,8 @@ pub enum Pass {
     DistanceMap,
     /// Lights to the GPU.
     UploadLights,
+    /// View-ray segments: what is kept of rays between edits of matter.
+    ViewSegments,
     /// View rays into the film.
     RayCast,
     /// Film to picture.
@@ -34,6 +36,7 @@ impl Pass {
             Pass::UploadTransferFunction => "upload_transfer_function",
             Pass::DistanceMap => "distance_map",
             Pass::UploadLights => "upload_lights",
+            Pass::ViewSegments => "view_segments",
             Pass::RayCast => "ray_cast",
             Pass::ToneMap => "tone_map",
         }
@@ -56,7 +59,7 @@ pub struct PlannedPass {
 }
 
 /// The passes of one frame.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
     /// What changed since the film was drawn, in words.
     pub changes: Vec<String>,
@@ -64,6 +67,22 @@ pub struct Plan {
     pub passes: Vec<PlannedPass>,
     /// What becomes of the film.
     pub film: FilmPlan,
+    /// What becomes of the view-ray segments of a film that starts again.
+    pub segments: SegmentsPlan,
+}
+
+/// What becomes of view-ray segments.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum SegmentsPlan {
+    /// Rays are cast whole.
+    Unused,
+    /// Rays are cast in segments, which are kept.
+    Record,
+    /// Kept segments serve again, but for those that meet changed cells.
+    Reuse {
+        /// Share of the cells with matter, now or then, in which matter changed, 0..1.
+        stale_share: f32,
+    },
 }
 
 /// What becomes of the film.
@@ -97,8 +116,21 @@ pub struct FilmState<'a> {
     pub held: Target,
 }
 
+/// View-ray segments kept for a film size.
+#[derive(Debug, Clone, Default)]
+pub struct SegmentsState<'a> {
+    /// Each segment was computed for one of these scenes; empty: there are no segments.
+    pub bases: Vec<&'a Scene>,
+    /// Whether edits are to come, so that the first picture already is cast in segments.
+    pub wanted: bool,
+    /// Whether the film as it stands is cast in segments.
+    pub film_is_cast_in_them: bool,
+    /// Whether a ray's segments for the film's size fit the device and the view's budget.
+    pub fit: bool,
+}
+
 /// What each cache was computed from; `None`: it holds nothing.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct Caches<'a> {
     /// Volume texture.
     pub volume: Option<&'a Scene>,
@@ -112,6 +144,8 @@ pub struct Caches<'a> {
     pub film: Option<FilmState<'a>>,
     /// Tone-mapped picture: the scene and the film state it was made from.
     pub picture: Option<FilmState<'a>>,
+    /// View-ray segments for the target's size.
+    pub segments: SegmentsState<'a>,
 }
 
 /// Why a cache is stale, or why it is not: `Err` carries the reason to keep it.
@@ -163,11 +197,21 @@ impl Plan {
             scene.lights.len() as u64,
             "lights",
         );
+        let segments = match film {
+            FilmPlan::Restart => segments(caches, scene),
+            FilmPlan::Keep | FilmPlan::Refine => Err("no film starts again".into()),
+        };
+        let (segments, verdict) = match segments {
+            Ok((segments, reason)) => (segments, Ok(reason)),
+            Err(reason) => (SegmentsPlan::Unused, Err(reason)),
+        };
+        let all_segments = pixels * u64::from(scene.sampling.segments);
+        plan(Pass::ViewSegments, verdict, all_segments, "segments a sample");
         plan(Pass::RayCast, ray_cast.map(|(reason, ..)| reason), pixels * samples_missing, "pixel samples");
         plan(Pass::ToneMap, tone_map(caches.picture, scene, target, film_runs), pixels, "pixels");
         let changes =
             caches.film.map_or_else(Vec::new, |film| Changes::between(film.scene, scene).in_words());
-        Self { changes, passes, film }
+        Self { changes, passes, film, segments }
     }
 
     /// Whether a pass runs.
@@ -273,6 +317,57 @@ fn ray_cast(
     })
 }
 
+/// Whether a film that starts again is cast in view-ray segments, and which of them serve again.
+fn segments(caches: &Caches<'_>, scene: &Scene) -> Result<(SegmentsPlan, String), String> {
+    let state = &caches.segments;
+    if scene.sampling.segments == 0 {
+        return Err("switched off".into());
+    }
+    if scene.rendering != Rendering::Volume {
+        return Err("only rays through matter in light are cut into segments".into());
+    }
+    if !state.fit {
+        return Err("the picture is too large for them".into());
+    }
+    if let Some(bins) = bins_changed_since(&state.bases, scene) {
+        let in_view = state.bases.iter().fold(scene.bins_in_view(), |all, base| all | base.bins_in_view());
+        let masks = scene.volume.macrocells.masks(scene.filter);
+        let seen = masks.iter().filter(|mask| *mask & in_view != 0).count();
+        let stale = masks.iter().filter(|mask| *mask & in_view != 0 && *mask & bins != 0).count();
+        let stale_share = stale as f32 / seen.max(1) as f32;
+        let reason = format!("matter changed in {:.0} % of the cells that hold any", 100.0 * stale_share);
+        return Ok((SegmentsPlan::Reuse { stale_share }, reason));
+    }
+    if state.wanted {
+        return Ok((SegmentsPlan::Record, "edits are to come".into()));
+    }
+    let Some(film) = caches.film else {
+        return Err("no edit yet".into());
+    };
+    match bins_alone_changed(film.scene, scene) {
+        Some(bins) if bins != 0 || state.film_is_cast_in_them => {
+            Ok((SegmentsPlan::Record, "matter is being edited".into()))
+        }
+        _ => Err("no edit of matter alone".into()),
+    }
+}
+
+/// Bins in which matter changed since any of the scenes that segments were cast for, if nothing
+/// else did that they depend on; `None` without such scenes.
+pub fn bins_changed_since(bases: &[&Scene], scene: &Scene) -> Option<u64> {
+    let bins = bases.iter().map(|base| bins_alone_changed(base, scene));
+    bins.reduce(|a, b| Some(a? | b?)).flatten()
+}
+
+/// Bins in which matter changed, if nothing else did that segments depend on. What lies behind the
+/// volume is added when they are put together.
+fn bins_alone_changed(old: &Scene, new: &Scene) -> Option<u64> {
+    let mut seen = changes_seen(&Changes::between(old, new), old, new);
+    let bins = std::mem::take(&mut seen.bins);
+    seen.background = false;
+    seen.is_empty().then_some(bins)
+}
+
 /// Those of the changes from `old` to `new` that show on the film.
 fn changes_seen(changes: &Changes, old: &Scene, new: &Scene) -> Changes {
     let mut seen = Changes {
@@ -372,6 +467,7 @@ mod tests {
             lights: Some(old),
             film: Some(state),
             picture: Some(state),
+            segments: SegmentsState::default(),
         };
         let plan = Plan::new(&caches, new, TARGET);
         plan.passes.iter().filter(|p| p.runs).map(|p| p.pass.name()).collect()
@@ -381,7 +477,7 @@ mod tests {
     fn the_first_frame_runs_everything() {
         let volume = volume();
         let plan = Plan::new(&Caches::default(), &scene(&volume, json!({})), TARGET);
-        assert!(plan.passes.iter().all(|p| p.runs), "{plan:?}");
+        assert!(plan.passes.iter().all(|p| p.runs != (p.pass == Pass::ViewSegments)), "{plan:?}");
         let cast = plan.passes.iter().find(|p| p.pass == Pass::RayCast).unwrap();
         assert_eq!(cast.work, 64 * 48 * 4);
     }
@@ -476,6 +572,48 @@ mod tests {
     }
 
     #[test]
+    fn segments_serve_again_only_where_nothing_but_matter_changed() {
+        let volume = volume();
+        let tf = |top: f64| json!([{"s": 0, "extinction": 0}, {"s": 0.7, "extinction": 0}, {"s": 1, "extinction": top}]);
+        let old = scene(&volume, json!({"transfer_function": {"points": tf(60.0)}}));
+        let film = FilmState { scene: &old, held: TARGET };
+        let plan = |new: &Scene, segments: SegmentsState<'_>| {
+            let caches = Caches { film: Some(film), segments, ..Caches::default() };
+            Plan::new(&caches, new, TARGET).segments
+        };
+        let kept = || SegmentsState { bases: vec![&old], fit: true, ..SegmentsState::default() };
+        let none = || SegmentsState { bases: vec![], ..kept() };
+        let edited = scene(&volume, json!({"transfer_function": {"points": tf(90.0)}}));
+        assert_eq!(plan(&edited, none()), SegmentsPlan::Record, "the first edit");
+        let larger = Target { width: 2 * TARGET.width, ..TARGET };
+        let at_rest = |film_is_cast_in_them| {
+            let segments = SegmentsState { film_is_cast_in_them, ..none() };
+            Plan::new(&Caches { film: Some(film), segments, ..Caches::default() }, &old, larger).segments
+        };
+        assert_eq!((at_rest(false), at_rest(true)), (SegmentsPlan::Unused, SegmentsPlan::Record));
+        let bins = bins_changed_since(&[&old], &edited).unwrap();
+        assert_eq!(bins, Changes::between(&old, &edited).bins);
+        assert!(bins.count_ones() < 25, "{bins:x}");
+        assert_eq!(plan(&edited, kept()), SegmentsPlan::Reuse { stale_share: 1.0 }, "all matter changed");
+        assert_eq!(plan(&edited, SegmentsState { fit: false, ..kept() }), SegmentsPlan::Unused);
+        let patches = [
+            json!({"lights": []}),
+            json!({"clip": {"box": [[0, 0, 0], [1, 1, 0.5]]}}),
+            json!({"camera": {"position": [1, 1, 1], "target": [0, 0, 0], "up": [0, 1, 0], "fov_y_degrees": 30}}),
+            json!({"sampling": {"step_voxels": 0.5}}),
+        ];
+        for mut patch in patches {
+            patch["transfer_function"] = json!({"points": tf(90.0)});
+            assert_eq!(plan(&scene(&volume, patch.clone()), kept()), SegmentsPlan::Unused, "{patch}");
+        }
+        let behind = json!({"background": [1, 0, 0], "transfer_function": {"points": tf(60.0)}});
+        let reuse_all = SegmentsPlan::Reuse { stale_share: 0.0 };
+        assert_eq!(plan(&scene(&volume, behind), kept()), reuse_all);
+        let off = json!({"sampling": {"segments": 0}, "transfer_function": {"points": tf(90.0)}});
+        assert_eq!(plan(&scene(&volume, off), kept()), SegmentsPlan::Unused);
+    }
+
+    #[test]
     fn more_samples_refine_without_uploads() {
         let volume = volume();
         let old = scene(&volume, json!({}));
@@ -487,6 +625,7 @@ mod tests {
             distance_map: Some(&old),
             lights: Some(&old),
             picture: Some(state),
+            ..Caches::default()
         };
         let plan = Plan::new(&caches, &old, TARGET);
         let cast = plan.passes.iter().find(|p| p.pass == Pass::RayCast).unwrap();

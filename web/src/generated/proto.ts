@@ -482,7 +482,12 @@ termination_transmittance: number,
 /**
  * Who interpolates between voxels, for the linear filter.
  */
-interpolation: Interpolation, };
+interpolation: Interpolation, 
+/**
+ * Segments a view ray is kept in between edits of matter, so that an edit casts anew only
+ * those it touches, 0..32; 0 keeps none.
+ */
+segments: number, };
 
 export type Interpolation = "sampler" | "exact";
 

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use proto::plan::FrameReport;
 use render::{DrawRequest, Drawn, Picture, RenderError, Renderer, View};
 use scene::Snapshot;
-use scene::plan::{Caches, FilmPlan, FilmState, Plan, Target};
+use scene::plan::{Caches, FilmPlan, FilmState, Plan, SegmentsPlan, Target};
 use tokio::sync::mpsc::error::TrySendError;
 
 use super::frame::{self, Drawing, Kind};
@@ -33,6 +33,10 @@ const PREVIEW_TIME: Duration = Duration::from_millis(500);
 const PREVIEW_GAIN: u64 = 2;
 /// If the final picture will be there within this time, the first full one is not sent.
 const SOON: Duration = Duration::from_millis(80);
+
+/// Finding the stale view-ray segments and putting all together takes about this share of the time
+/// of casting the rays.
+const SEGMENTS_OVERHEAD: f32 = 0.15;
 
 /// A viewer on the render thread.
 pub(super) struct Watched {
@@ -146,6 +150,7 @@ impl Watched {
             lights: old,
             film: state,
             picture: state,
+            ..Caches::default()
         };
         Plan::new(&caches, &snapshot.scene, film.held)
     }
@@ -205,7 +210,7 @@ impl Watched {
         let began = Instant::now();
         let time = self.moving_time / sharers.max(1);
         if self.drawing.is_none() {
-            self.drawing = self.begin(need, time);
+            self.drawing = self.begin(renderer, need, time);
         }
         let Some(drawing) = &mut self.drawing else { return Ok(()) };
         let (snapshot, target) = (drawing.snapshot.clone(), drawing.target);
@@ -236,7 +241,7 @@ impl Watched {
         result
     }
 
-    fn begin(&mut self, need: Need, time: Duration) -> Option<Drawing> {
+    fn begin(&mut self, renderer: &Renderer, need: Need, time: Duration) -> Option<Drawing> {
         let viewport = self.input.viewport?;
         let (kind, target) = match need {
             Need::Moving => {
@@ -249,7 +254,9 @@ impl Watched {
                         && self.plan_on_film(film, &self.input.snapshot).film != FilmPlan::Restart
                 });
                 let fresh = Target { width, height, samples_per_pixel: 1 };
-                (Kind::Moving(quality), reusable.map_or(fresh, |film| film.held))
+                let held = reusable.map(|film| film.held);
+                let target = held.or_else(|| self.target_from_segments(renderer, viewport, time));
+                (Kind::Moving(quality), target.unwrap_or(fresh))
             }
             Need::Still => match self.preview_size(viewport) {
                 Some((width, height)) => (Kind::Preview, Target { width, height, samples_per_pixel: 1 }),
@@ -272,6 +279,20 @@ impl Watched {
             casting: Duration::ZERO,
             report: None,
         })
+    }
+
+    /// A moving picture at full size, if view-ray segments kept at rest make it quick enough.
+    fn target_from_segments(
+        &self,
+        renderer: &Renderer,
+        viewport: (u32, u32),
+        time: Duration,
+    ) -> Option<Target> {
+        let target = Target { width: viewport.0, height: viewport.1, samples_per_pixel: 1 };
+        let plan = renderer.plan(&self.view, &self.input.snapshot.scene, target);
+        let SegmentsPlan::Reuse { stale_share } = plan.segments else { return None };
+        let whole = self.pace.expected(u64::from(viewport.0) * u64::from(viewport.1));
+        (whole.mul_f32(stale_share + SEGMENTS_OVERHEAD) <= time).then_some(target)
     }
 
     /// Size of a reduced picture to show before a long pass at full size, if that pass is long
@@ -301,7 +322,9 @@ impl Watched {
         let Some(mut drawing) = self.drawing.take() else { return Ok(()) };
         let reading = slice_began.elapsed().saturating_sub(before);
         drawing.spent += reading;
-        if drawing.casting > Duration::ZERO {
+        // How quick a picture from kept segments was says nothing about the next of whole rays.
+        let reused = drawing.report.as_ref().and_then(|report| report.counters.get("segments_reused"));
+        if drawing.casting > Duration::ZERO && reused.is_none_or(|&count| count == 0) {
             let pixels = u64::from(drawing.target.width) * u64::from(drawing.target.height);
             self.pace.measured(pixels, drawing.casting + reading);
         }
