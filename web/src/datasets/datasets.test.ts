@@ -28,6 +28,13 @@ describe("dropped files", () => {
     expect(groups("scan.zip")).toEqual([["scan.zip"]]);
   });
 
+  it("are one dataset when they are slices that count", () => {
+    expect(groups("s_1.tif", "s_2.TIF", "s_10.tiff")).toEqual([["s_1.tif", "s_2.TIF", "s_10.tiff"]]);
+    expect(groups("a001.png", "a002.png", "b001.png", "b002.png")).toEqual([["a001.png", "a002.png"], ["b001.png", "b002.png"]]);
+    expect(groups("1.png", "2.png", "x.nrrd")).toEqual([["1.png", "2.png"], ["x.nrrd"]]);
+    expect(groups("stack.tif", "other.tif", "a1.png", "a1.tif")).toEqual([["stack.tif"], ["other.tif"], ["a1.png"], ["a1.tif"]]);
+  });
+
   it("get distinct names", () => {
     expect(distinctNames(["a", "a", "b", "a"])).toEqual(["a", "2-a", "b", "3-a"]);
   });

@@ -30,6 +30,8 @@ export interface RawLayout {
 const HEADER_EXTENSIONS = ["nhdr", "mhd", "hdr", "json"];
 const RAW_EXTENSIONS = ["raw", "bin", "dat", "vol"];
 const SERIES_EXTENSIONS = ["dcm", "dicom", "ima"];
+/** Pictures that may be slices of one volume. */
+const PICTURE_EXTENSIONS = ["tif", "tiff", "png"];
 /** Scanners also name slices `IM0001` or `1.2.840.113619.2`. */
 const SLICE_NAME = /^[^.]+$|^[\d.]+$|^I\d+\.\d+$/i;
 /** Extensions that stand behind another one. */
@@ -45,7 +47,25 @@ const stemOf = (name: string): string => name.replace(PACKED, "").replace(/\.[^.
 /** The name of the sidecar that states a raw file's layout: found for packed files, too. */
 export const sidecarName = (rawName: string): string => `${rawName}.json`;
 
-/** One group for each header with its data, one for a series, one for each other file. */
+/** What the names of slices have in common: everything but their numbers. Null for other files. */
+function slicesOf(name: string): string | null {
+  const extension = extensionOf(name);
+  if (!PICTURE_EXTENSIONS.includes(extension)) return null;
+  const kind = extension === "tiff" ? "tif" : extension;
+  return `${name.toLowerCase().replace(/\.[^.]+$/, "").replace(/\d+/g, "#")}.${kind}`;
+}
+
+/** Sets of at least two pictures whose names differ in their numbers only. */
+function slicesAmong<F extends Named>(files: readonly F[]): F[][] {
+  const sets = new Map<string, F[]>();
+  for (const file of files) {
+    const common = slicesOf(file.name);
+    if (common !== null) sets.set(common, [...(sets.get(common) ?? []), file]);
+  }
+  return [...sets.values()].filter((set) => set.length > 1);
+}
+
+/** One group for each header with its data, one for a series, one for each set of slices, one for each other file. */
 export function groupFiles<F extends Named>(files: readonly F[]): Group<F>[] {
   const isHeader = (file: F) => HEADER_EXTENSIONS.includes(extensionOf(file.name));
   const headers = files.filter(isHeader);
@@ -62,6 +82,10 @@ export function groupFiles<F extends Named>(files: readonly F[]): Group<F>[] {
     return { name: header.name, files: [header, ...data], needsLayout: false };
   });
   if (series[0]) groups.push({ name: series[0].name, files: series, needsLayout: false });
+  for (const set of slicesAmong(rest.filter((file) => !taken.has(file)))) {
+    set.forEach((file) => taken.add(file));
+    groups.push({ name: set[0]?.name ?? "", files: set, needsLayout: false });
+  }
   for (const file of rest.filter((other) => !taken.has(other))) {
     groups.push({ name: file.name, files: [file], needsLayout: RAW_EXTENSIONS.includes(extensionOf(file.name)) });
   }
