@@ -228,6 +228,7 @@ pub async fn histogram(State(app): State<Arc<App>>, Path(id): Path<String>) -> A
         value_range: volume.range,
         counts: volume.histogram.clone(),
         bin_edges: volume.bins.edges.to_vec(),
+        bin_shares: volume.bin_shares.to_vec(),
     }))
 }
 
