@@ -41,7 +41,7 @@ export function PresetPicture({ patch }: { patch: Patch }) {
     const ratio = Math.min(MAX_PIXEL_RATIO, Math.max(1, window.devicePixelRatio));
     const size = { width: Math.round(WIDTH * ratio), height: Math.round(HEIGHT * ratio) };
     const release = turns.ask(() => {
-      // The key holds the patch, too.
+      // Patches are made anew with every rendering; the key holds this one's text.
       const [, request] = JSON.parse(key) as [unknown, Record<string, unknown>];
       postPreview(sessionId, { patch: request, ...size }, stop.signal).then(
         (blob) => {
