@@ -15,6 +15,8 @@ export interface Group<F extends Named> {
   files: F[];
   /** A raw file without a header or sidecar: its layout has to be asked for. */
   needsLayout: boolean;
+  /** Pictures whose names differ in their numbers only. */
+  slices: boolean;
 }
 
 /** Layout of a raw file, as its sidecar states it. */
@@ -79,15 +81,15 @@ export function groupFiles<F extends Named>(files: readonly F[]): Group<F>[] {
     // A single header describes the other file even where their names differ.
     const data = sameStem.length > 0 || headers.length > 1 || rest.length > 1 ? sameStem : rest;
     data.forEach((file) => taken.add(file));
-    return { name: header.name, files: [header, ...data], needsLayout: false };
+    return { name: header.name, files: [header, ...data], needsLayout: false, slices: false };
   });
-  if (series[0]) groups.push({ name: series[0].name, files: series, needsLayout: false });
+  if (series[0]) groups.push({ name: series[0].name, files: series, needsLayout: false, slices: false });
   for (const set of slicesAmong(rest.filter((file) => !taken.has(file)))) {
     set.forEach((file) => taken.add(file));
-    groups.push({ name: set[0]?.name ?? "", files: set, needsLayout: false });
+    groups.push({ name: set[0]?.name ?? "", files: set, needsLayout: false, slices: true });
   }
   for (const file of rest.filter((other) => !taken.has(other))) {
-    groups.push({ name: file.name, files: [file], needsLayout: RAW_EXTENSIONS.includes(extensionOf(file.name)) });
+    groups.push({ name: file.name, files: [file], needsLayout: RAW_EXTENSIONS.includes(extensionOf(file.name)), slices: false });
   }
   return groups;
 }
