@@ -104,6 +104,38 @@ pub struct Histogram {
     pub counts: Vec<u64>,
     /// The 65 edges of the scalar bins that caches are keyed by, data values.
     pub bin_edges: Vec<f64>,
+    /// For each of the 64 bins the share of the volume that an edit of its values touches, 0..1:
+    /// of all blocks of 4 x 4 x 4 voxels, those in which a value of the bin occurs.
+    pub bin_shares: Vec<f64>,
+}
+
+/// `GET /api/v1/sessions/{id}/histogram`: the data values of what the session's clip region keeps.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, TS, ToSchema)]
+pub struct RegionHistogram {
+    /// Epoch of the scene whose clip region was looked at.
+    pub epoch: u32,
+    /// Data value at the lower edge of the first and the upper edge of the last bucket; those of
+    /// the whole volume.
+    pub value_range: [f64; 2],
+    /// Voxels with their centre inside clip box and clip planes per bucket; buckets have equal
+    /// width.
+    #[ts(type = "number[]")]
+    pub counts: Vec<u64>,
+}
+
+/// `POST /api/v1/sessions/{id}/preview`: what the session would look like.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, TS, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PreviewRequest {
+    /// A JSON merge patch (RFC 7396) on the session's scene, which stays as it is; it may not name
+    /// another volume.
+    #[ts(type = "Record<string, unknown>")]
+    #[schema(value_type = Object)]
+    pub patch: serde_json::Value,
+    /// Width of the picture, pixels, 1 to 512.
+    pub width: u32,
+    /// Height of the picture, pixels, 1 to 512.
+    pub height: u32,
 }
 
 /// `POST /api/v1/sessions`: from a scene, or from a dataset with its default scene.

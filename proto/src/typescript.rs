@@ -73,6 +73,8 @@ pub fn typescript() -> String {
         rest::Status,
         rest::Dataset,
         rest::Histogram,
+        rest::RegionHistogram,
+        rest::PreviewRequest,
         rest::CreateSession,
         rest::ProbeRequest,
         rest::Probe,

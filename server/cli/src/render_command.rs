@@ -44,7 +44,8 @@ pub struct Arguments {
     /// Sets one value before drawing, for example density=2; may be repeated.
     #[arg(long, value_name = "PATH=JSON")]
     set: Vec<String>,
-    /// Writes times, exact work counters and what each edit reused.
+    /// Writes times, exact work counters, what each edit reused, and the histogram of what the clip
+    /// region keeps.
     #[arg(long, value_name = "STATS.json")]
     stats: Option<PathBuf>,
     /// Prints the plan of each picture: every pass, whether it runs, and why not.
@@ -155,9 +156,14 @@ impl Session<'_> {
         if self.arguments.explain {
             explain(name, &drawn);
         }
+        let histogram = self.arguments.stats.is_some().then(|| {
+            let counts = scene::region::histogram_in_clip(&snapshot.scene);
+            json!({"value_range": snapshot.scene.volume.range, "counts": counts})
+        });
         let mut report = json!({
             "name": name, "millis": millis, "picture_millis": picture_millis, "samples_per_pixel": drawn.samples_per_pixel, "changes": drawn.plan.changes,
             "plan": drawn.plan.report(), "stages": drawn.stages, "counters": drawn.counters,
+            "histogram_in_view": histogram,
         });
         let count = |name: &str| drawn.counters.get(name).copied().unwrap_or(0);
         let (reused, recomputed) = (count("segments_reused"), count("segments_cast"));

@@ -17,6 +17,7 @@ pub mod material;
 pub mod plan;
 pub mod prepared;
 pub mod probe;
+pub mod region;
 pub mod rendering;
 pub mod scattering;
 pub mod scene;

@@ -9,11 +9,14 @@
 use proto::scene_file::Filter;
 use rayon::prelude::*;
 
-use crate::bins::Bins;
+use crate::bins::{BIN_COUNT, Bins};
 use crate::volume::{Volume, Voxels};
 
 /// Edge of a macrocell, voxels.
 pub const MACROCELL_EDGE: usize = 4;
+
+/// Masks counted by one task: about a millisecond.
+const MASKS_PER_TASK: usize = 1 << 16;
 
 /// Bin masks of a volume's macrocells, x fastest.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,6 +59,32 @@ impl Macrocells {
     pub fn occurring(&self, filter: Filter) -> u64 {
         self.masks(filter).iter().fold(0, |all, mask| all | mask)
     }
+
+    /// For each bin the share of the cells whose mask holds it, 0..1: the share of the volume that
+    /// an edit of the bin's values touches.
+    pub fn shares(&self, filter: Filter) -> [f64; BIN_COUNT] {
+        let masks = self.masks(filter);
+        let counts = masks.par_chunks(MASKS_PER_TASK).map(cells_per_bin).reduce(
+            || [0; BIN_COUNT],
+            |mut a, b| {
+                a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
+                a
+            },
+        );
+        counts.map(|count| count as f64 / masks.len().max(1) as f64)
+    }
+}
+
+fn cells_per_bin(masks: &[u64]) -> [u64; BIN_COUNT] {
+    let mut counts = [0; BIN_COUNT];
+    for &mask in masks {
+        let mut left = mask;
+        while left != 0 {
+            counts[left.trailing_zeros() as usize] += 1;
+            left &= left - 1;
+        }
+    }
+    counts
 }
 
 fn layer_masks(volume: &Volume, bins: &Bins, cells: [usize; 3], cell_z: usize) -> Vec<(u64, u64)> {
@@ -135,6 +164,23 @@ mod tests {
             sum += weight * volume.value(at[0], at[1], at[2]);
         }
         sum
+    }
+
+    #[test]
+    fn shares_are_those_of_the_cells_a_value_occurs_in() {
+        // Cells along x: zeros, zeros, a ramp from 10 to 40, forties.
+        let row = [0, 0, 0, 0, 0, 0, 0, 0, 10, 20, 30, 40, 40, 40, 40, 40];
+        let voxels = (0..16 * 4 * 4).map(|index| row[index % 16]).collect();
+        let volume = Volume::new([16, 4, 4], Voxels::U8(voxels));
+        let bins = Bins::of(&volume, [0.0, 40.0]);
+        let cells = Macrocells::of(&volume, &bins, &|_| {});
+        let share = |filter, value| cells.shares(filter)[bins.bin(value)];
+        let of = |filter| [0.0, 10.0, 20.0, 40.0].map(|value| share(filter, value));
+        assert_eq!(of(Filter::Nearest), [0.5, 0.25, 0.25, 0.5]);
+        // Between the voxels of two cells the field takes the values of both.
+        assert_eq!(of(Filter::Linear), [0.75, 0.5, 0.25, 0.5]);
+        let touched = cells.shares(Filter::Linear).iter().filter(|share| **share > 0.0).count();
+        assert_eq!(touched as u32, cells.occurring(Filter::Linear).count_ones());
     }
 
     #[test]

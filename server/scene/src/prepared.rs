@@ -1,8 +1,9 @@
 //! What an import computes once per volume: range, bins, macrocells, histogram, content hash.
 
+use proto::scene_file::Filter;
 use rayon::prelude::*;
 
-use crate::bins::Bins;
+use crate::bins::{BIN_COUNT, Bins};
 use crate::macrocells::Macrocells;
 use crate::volume::{Volume, Voxels};
 
@@ -22,6 +23,8 @@ pub struct PreparedVolume {
     pub bins: Bins,
     /// Bin masks of 4^3 blocks.
     pub macrocells: Macrocells,
+    /// Share of the macrocells that an edit of each bin touches, 0..1, with linear interpolation.
+    pub bin_shares: [f64; BIN_COUNT],
     /// Voxels per bucket; [`HISTOGRAM_BUCKETS`] buckets of equal width over `range`.
     pub histogram: Vec<u64>,
 }
@@ -36,9 +39,10 @@ impl PreparedVolume {
         let histogram = histogram(&volume, range);
         progress(0.5);
         let macrocells = Macrocells::of(&volume, &bins, &|share| progress(0.5 + 0.4 * share));
+        let bin_shares = macrocells.shares(Filter::Linear);
         let content = content_hash(&volume);
         progress(1.0);
-        Self { volume, content, range, bins, macrocells, histogram }
+        Self { volume, content, range, bins, macrocells, bin_shares, histogram }
     }
 
     /// The content hash as 64 hexadecimal digits.
@@ -64,16 +68,24 @@ fn data_range(volume: &Volume) -> [f64; 2] {
     [ends[0].min(ends[1]), ends[0].max(ends[1])]
 }
 
-fn histogram(volume: &Volume, [low, high]: [f64; 2]) -> Vec<u64> {
+/// The bucket of a stored value, of [`HISTOGRAM_BUCKETS`] of equal width over data values.
+pub(crate) fn bucket_of(volume: &Volume, [low, high]: [f64; 2]) -> impl Fn(f32) -> usize + Sync {
     let scale = if high > low { HISTOGRAM_BUCKETS as f64 / (high - low) } else { 0.0 };
-    let bucket = |stored: f32| {
-        let value = volume.slope * f64::from(stored) + volume.intercept;
+    let (slope, intercept) = (volume.slope, volume.intercept);
+    move |stored| {
+        let value = slope * f64::from(stored) + intercept;
         (((value - low) * scale) as usize).min(HISTOGRAM_BUCKETS - 1)
-    };
-    let add = |mut a: Vec<u64>, b: Vec<u64>| {
-        a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
-        a
-    };
+    }
+}
+
+/// Counts of two parts as counts of both.
+pub(crate) fn add_counts(mut a: Vec<u64>, b: Vec<u64>) -> Vec<u64> {
+    a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
+    a
+}
+
+fn histogram(volume: &Volume, range: [f64; 2]) -> Vec<u64> {
+    let bucket = bucket_of(volume, range);
     let count = volume.voxels.len();
     let chunk = 1 << 18;
     (0..count.div_ceil(chunk))
@@ -85,7 +97,7 @@ fn histogram(volume: &Volume, [low, high]: [f64; 2]) -> Vec<u64> {
             }
             counts
         })
-        .reduce(|| vec![0; HISTOGRAM_BUCKETS], add)
+        .reduce(|| vec![0; HISTOGRAM_BUCKETS], add_counts)
 }
 
 fn content_hash(volume: &Volume) -> [u8; 32] {

@@ -41,6 +41,10 @@ pub struct App {
     pub(crate) encodes: Semaphore,
     /// One thumbnail is drawn at a time; the others wait for it and find it on disk.
     pub(crate) thumbnails: Semaphore,
+    /// One preview is drawn at a time: the others wait, and never fill the queue of stills.
+    pub(crate) previews: Semaphore,
+    /// One clip region is scanned at a time: a scan takes every processor.
+    pub(crate) region_scans: Semaphore,
 }
 
 impl App {
@@ -64,6 +68,8 @@ impl App {
             requests: Semaphore::new(limits.max_requests),
             encodes: Semaphore::new(processors * ENCODES_PER_PROCESSOR),
             thumbnails: Semaphore::new(1),
+            previews: Semaphore::new(1),
+            region_scans: Semaphore::new(1),
             closing: CancellationToken::new(),
             catalog,
             samples,

@@ -50,7 +50,9 @@ pub fn api() -> OpenApiRouter<Arc<App>> {
             sessions::routes::patch_scene
         ))
         .routes(routes!(sessions::routes::probe))
-        .routes(routes!(sessions::routes::snapshot))
+        .routes(routes!(sessions::routes::histogram))
+        .routes(routes!(sessions::stills::snapshot))
+        .routes(routes!(sessions::stills::preview))
         .routes(routes!(viewer::view))
 }
 

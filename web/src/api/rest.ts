@@ -1,6 +1,6 @@
 /** The REST side of the service. Every failure is a `ProblemError` that says in words what happened. */
 
-import type { CreateSession, Dataset, Histogram, Probe, ProbeRequest, Problem, Session, Status } from "../generated/proto";
+import type { CreateSession, Dataset, Histogram, PreviewRequest, Probe, ProbeRequest, Problem, RegionHistogram, Session, Status } from "../generated/proto";
 
 const BASE = "/api/v1";
 
@@ -65,23 +65,31 @@ export async function deleteDataset(id: string): Promise<void> {
   await send(`/datasets/${segment(id)}`, { method: "DELETE" });
 }
 
-export async function createSession(request: CreateSession): Promise<Session> {
-  const response = await send("/sessions", {
+const postJson = (path: string, body: unknown, signal?: AbortSignal): Promise<Response> =>
+  send(path, {
     method: "POST",
     headers: { "Content-Type": "application/json" },
-    body: JSON.stringify(request),
+    body: JSON.stringify(body),
+    ...(signal ? { signal } : {}),
   });
-  return (await response.json()) as Session;
+
+export async function createSession(request: CreateSession): Promise<Session> {
+  return (await (await postJson("/sessions", request)).json()) as Session;
 }
 
 /** The place under a pixel, and the value there. */
 export async function postProbe(id: string, request: ProbeRequest): Promise<Probe> {
-  const response = await send(`/sessions/${segment(id)}/probe`, {
-    method: "POST",
-    headers: { "Content-Type": "application/json" },
-    body: JSON.stringify(request),
-  });
-  return (await response.json()) as Probe;
+  return (await (await postJson(`/sessions/${segment(id)}/probe`, request)).json()) as Probe;
+}
+
+/** How often each value occurs in what the session's clip region keeps. */
+export async function getRegionHistogram(id: string, signal: AbortSignal): Promise<RegionHistogram> {
+  return (await (await send(`/sessions/${segment(id)}/histogram`, { signal })).json()) as RegionHistogram;
+}
+
+/** The session's scene with a patch, drawn small, as PNG. */
+export async function postPreview(id: string, request: PreviewRequest, signal: AbortSignal): Promise<Blob> {
+  return (await postJson(`/sessions/${segment(id)}/preview`, request, signal)).blob();
 }
 
 /** The session's scene drawn at full quality as PNG. */

@@ -19,6 +19,8 @@ interface Kept {
   closedSections: SectionId[];
   statisticsOpen: boolean;
   logHistogram: boolean;
+  /** The histogram is of what the clip region keeps. */
+  histogramInView: boolean;
   opacityAxis: OpacityAxis;
   /** `#rrggbb`, newest first. */
   recentColours: string[];
@@ -55,6 +57,7 @@ export const useUi = create<Kept & Passing & Actions>()(
       closedSections: ["materials"],
       statisticsOpen: false,
       logHistogram: true,
+      histogramInView: false,
       opacityAxis: "linear",
       recentColours: [],
       narrow: narrowPage.matches,
@@ -75,8 +78,8 @@ export const useUi = create<Kept & Passing & Actions>()(
     }),
     {
       name: "tyndall.page",
-      partialize: ({ closedSections, statisticsOpen, logHistogram, opacityAxis, recentColours, leftOpen, rightOpen }): Kept =>
-        ({ closedSections, statisticsOpen, logHistogram, opacityAxis, recentColours, leftOpen, rightOpen }),
+      partialize: ({ closedSections, statisticsOpen, logHistogram, histogramInView, opacityAxis, recentColours, leftOpen, rightOpen }): Kept =>
+        ({ closedSections, statisticsOpen, logHistogram, histogramInView, opacityAxis, recentColours, leftOpen, rightOpen }),
     },
   ),
 );

@@ -29,7 +29,7 @@ export function DatasetsPanel() {
             <Button {...props} fullWidth variant="default" leftSection={<Icon name="upload" size={13} />} data-testid="upload-button">Upload a volume</Button>
           )}
         </FileButton>
-        <p className="hint">or drop files anywhere: DICOM (files, a folder or a zip), NRRD, NIfTI, MetaImage, NumPy, VTI, TIFF, zipped OME-Zarr, raw, or a saved scene</p>
+        <p className="hint">or drop files anywhere: DICOM (files, a folder or a zip), NRRD, NIfTI, MetaImage, NumPy, VTI, TIFF, PNG slices, zipped OME-Zarr, raw, or a saved scene</p>
       </div>
       <UploadTiles />
       {error !== null && (

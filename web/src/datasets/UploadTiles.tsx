@@ -7,12 +7,15 @@ import { facts, formatBytes } from "./format";
 import { RawForm } from "./RawForm";
 import { dismissUpload, explore, retryUpload, useDatasets, type UploadTile } from "./store";
 
+/** Most files a tile names. */
+const MAX_NAMES = 8;
+
 export function UploadTiles() {
   const uploads = useDatasets((state) => state.uploads);
   return uploads.map((tile) => (
     <div key={tile.id} className="tile" data-testid="upload" data-state={tile.state.kind} data-name={tile.name}>
       <div className="tile-head">
-        <span className="tile-name" title={tile.group.files.map((file) => file.name).join(", ")}>{tile.name}</span>
+        <span className="tile-name" title={namesOf(tile)}>{tile.name}</span>
         {tile.group.files.length > 1 && <span className="dim">{tile.group.files.length} files</span>}
         {(tile.state.kind === "done" || tile.state.kind === "failed") && <IconButton icon="close" label="Put away" testId="upload-dismiss" onClick={() => dismissUpload(tile.id)} />}
       </div>
@@ -20,6 +23,10 @@ export function UploadTiles() {
     </div>
   ));
 }
+
+/** Names of a tile's files; of a series the first ones. */
+const namesOf = ({ group: { files } }: UploadTile): string =>
+  files.slice(0, MAX_NAMES).map((file) => file.name).join(", ") + (files.length > MAX_NAMES ? ", …" : "");
 
 /** Opens what was uploaded; from then on its place is the list. */
 async function open(tile: number, dataset: string): Promise<void> {

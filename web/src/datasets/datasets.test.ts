@@ -1,6 +1,7 @@
 import { describe, expect, it } from "vitest";
 import { formatBytes } from "./format";
 import { distinctNames, groupFiles, guessLayout, layoutProblem, sidecarName } from "./grouping";
+import { hasSeveralPages, stacksApart } from "./stacks";
 import { Turns } from "./turns";
 import { SpeedMeter } from "./upload";
 
@@ -28,6 +29,13 @@ describe("dropped files", () => {
     expect(groups("scan.zip")).toEqual([["scan.zip"]]);
   });
 
+  it("are one dataset when they are slices that count", () => {
+    expect(groups("s_1.tif", "s_2.TIF", "s_10.tiff")).toEqual([["s_1.tif", "s_2.TIF", "s_10.tiff"]]);
+    expect(groups("a001.png", "a002.png", "b001.png", "b002.png")).toEqual([["a001.png", "a002.png"], ["b001.png", "b002.png"]]);
+    expect(groups("1.png", "2.png", "x.nrrd")).toEqual([["1.png", "2.png"], ["x.nrrd"]]);
+    expect(groups("stack.tif", "other.tif", "a1.png", "a1.tif")).toEqual([["stack.tif"], ["other.tif"], ["a1.png"], ["a1.tif"]]);
+  });
+
   it("get distinct names", () => {
     expect(distinctNames(["a", "a", "b", "a"])).toEqual(["a", "2-a", "b", "3-a"]);
   });
@@ -37,6 +45,46 @@ describe("dropped files", () => {
     expect(groupFiles(named("a.raw.gz"))[0]?.needsLayout).toBe(true);
     expect(groupFiles(named("a.raw", "a.json"))[0]?.needsLayout).toBe(false);
     expect(groupFiles(named("a.nrrd"))[0]?.needsLayout).toBe(false);
+  });
+});
+
+/** A TIFF's chain of directories, each with one entry; `big` with 64-bit places. */
+function tiff(pages: number, little: boolean, big: boolean): File {
+  const [head, directory] = big ? [16, 8 + 20 + 8] : [8, 2 + 12 + 4];
+  const view = new DataView(new ArrayBuffer(head + pages * directory));
+  const put = (at: number, value: number) => (big ? view.setBigUint64(at, BigInt(value), little) : view.setUint32(at, value, little));
+  view.setUint16(0, little ? 0x4949 : 0x4d4d);
+  view.setUint16(2, big ? 43 : 42, little);
+  put(big ? 8 : 4, head);
+  for (let page = 0; page < pages; page += 1) {
+    const at = head + page * directory;
+    if (big) view.setBigUint64(at, 1n, little);
+    else view.setUint16(at, 1, little);
+    put(at + (big ? 28 : 14), page + 1 < pages ? at + directory : 0);
+  }
+  return new File([view.buffer], `s${pages}.tif`);
+}
+
+describe("a TIFF's pages", () => {
+  it.each([[true, false], [false, false], [true, true], [false, true]])("are seen (little %s, big %s)", async (little, big) => {
+    expect(await hasSeveralPages(tiff(1, little, big))).toBe(false);
+    expect(await hasSeveralPages(tiff(3, little, big))).toBe(true);
+  });
+
+  it("are none where a file is broken or none", async () => {
+    expect(await hasSeveralPages(new Blob(["II"]))).toBe(false);
+    expect(await hasSeveralPages(new Blob(["\x89PNG, which is no TIFF"]))).toBe(false);
+    expect(await hasSeveralPages(tiff(3, true, false).slice(0, 12))).toBe(false);
+  });
+
+  it("part files that only look like slices", async () => {
+    const apart = async (pages: number) => {
+      const files = [1, 2].map((number) => new File([tiff(pages, true, false)], `a${number}.tif`));
+      const all = await Promise.all(groupFiles(files).map(stacksApart));
+      return all.flat().map((group) => group.files.map((file) => file.name));
+    };
+    expect(await apart(1)).toEqual([["a1.tif", "a2.tif"]]);
+    expect(await apart(5)).toEqual([["a1.tif"], ["a2.tif"]]);
   });
 });
 

@@ -15,6 +15,8 @@ export interface Group<F extends Named> {
   files: F[];
   /** A raw file without a header or sidecar: its layout has to be asked for. */
   needsLayout: boolean;
+  /** Pictures whose names differ in their numbers only. */
+  slices: boolean;
 }
 
 /** Layout of a raw file, as its sidecar states it. */
@@ -30,6 +32,8 @@ export interface RawLayout {
 const HEADER_EXTENSIONS = ["nhdr", "mhd", "hdr", "json"];
 const RAW_EXTENSIONS = ["raw", "bin", "dat", "vol"];
 const SERIES_EXTENSIONS = ["dcm", "dicom", "ima"];
+/** Pictures that may be slices of one volume. */
+const PICTURE_EXTENSIONS = ["tif", "tiff", "png"];
 /** Scanners also name slices `IM0001` or `1.2.840.113619.2`. */
 const SLICE_NAME = /^[^.]+$|^[\d.]+$|^I\d+\.\d+$/i;
 /** Extensions that stand behind another one. */
@@ -45,7 +49,25 @@ const stemOf = (name: string): string => name.replace(PACKED, "").replace(/\.[^.
 /** The name of the sidecar that states a raw file's layout: found for packed files, too. */
 export const sidecarName = (rawName: string): string => `${rawName}.json`;
 
-/** One group for each header with its data, one for a series, one for each other file. */
+/** What the names of slices have in common: everything but their numbers. Null for other files. */
+function slicesOf(name: string): string | null {
+  const extension = extensionOf(name);
+  if (!PICTURE_EXTENSIONS.includes(extension)) return null;
+  const kind = extension === "tiff" ? "tif" : extension;
+  return `${name.toLowerCase().replace(/\.[^.]+$/, "").replace(/\d+/g, "#")}.${kind}`;
+}
+
+/** Sets of at least two pictures whose names differ in their numbers only. */
+function slicesAmong<F extends Named>(files: readonly F[]): F[][] {
+  const sets = new Map<string, F[]>();
+  for (const file of files) {
+    const common = slicesOf(file.name);
+    if (common !== null) sets.set(common, [...(sets.get(common) ?? []), file]);
+  }
+  return [...sets.values()].filter((set) => set.length > 1);
+}
+
+/** One group for each header with its data, one for a series, one for each set of slices, one for each other file. */
 export function groupFiles<F extends Named>(files: readonly F[]): Group<F>[] {
   const isHeader = (file: F) => HEADER_EXTENSIONS.includes(extensionOf(file.name));
   const headers = files.filter(isHeader);
@@ -59,11 +81,15 @@ export function groupFiles<F extends Named>(files: readonly F[]): Group<F>[] {
     // A single header describes the other file even where their names differ.
     const data = sameStem.length > 0 || headers.length > 1 || rest.length > 1 ? sameStem : rest;
     data.forEach((file) => taken.add(file));
-    return { name: header.name, files: [header, ...data], needsLayout: false };
+    return { name: header.name, files: [header, ...data], needsLayout: false, slices: false };
   });
-  if (series[0]) groups.push({ name: series[0].name, files: series, needsLayout: false });
+  if (series[0]) groups.push({ name: series[0].name, files: series, needsLayout: false, slices: false });
+  for (const set of slicesAmong(rest.filter((file) => !taken.has(file)))) {
+    set.forEach((file) => taken.add(file));
+    groups.push({ name: set[0]?.name ?? "", files: set, needsLayout: false, slices: true });
+  }
   for (const file of rest.filter((other) => !taken.has(other))) {
-    groups.push({ name: file.name, files: [file], needsLayout: RAW_EXTENSIONS.includes(extensionOf(file.name)) });
+    groups.push({ name: file.name, files: [file], needsLayout: RAW_EXTENSIONS.includes(extensionOf(file.name)), slices: false });
   }
   return groups;
 }

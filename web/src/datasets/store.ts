@@ -11,6 +11,7 @@ import { useSession } from "../session/store";
 import { wordsOf } from "../session/words";
 import { formatBytes } from "./format";
 import { groupFiles, sidecarName, type Group, type RawLayout } from "./grouping";
+import { stacksApart } from "./stacks";
 import { startUpload, type Progress } from "./upload";
 
 /** Largest JSON file that is looked into to see whether it is a scene. */
@@ -97,7 +98,7 @@ export async function takeFiles(files: readonly File[]): Promise<void> {
     if (scene) await session.openScene(scene);
     else volumes.push(file);
   }
-  for (const group of groupFiles(volumes)) {
+  for (const group of (await Promise.all(groupFiles(volumes).map(stacksApart))).flat()) {
     const id = (lastUpload += 1);
     const tile: UploadTile = { id, name: group.name, group, state: { kind: "layout" } };
     set(({ uploads }) => ({ uploads: [tile, ...uploads] }));

@@ -733,7 +733,43 @@ counts: number[],
 /**
  * The 65 edges of the scalar bins that caches are keyed by, data values.
  */
-bin_edges: Array<number>, };
+bin_edges: Array<number>, 
+/**
+ * For each of the 64 bins the share of the volume that an edit of its values touches, 0..1:
+ * of all blocks of 4 x 4 x 4 voxels, those in which a value of the bin occurs.
+ */
+bin_shares: Array<number>, };
+
+export type RegionHistogram = { 
+/**
+ * Epoch of the scene whose clip region was looked at.
+ */
+epoch: number, 
+/**
+ * Data value at the lower edge of the first and the upper edge of the last bucket; those of
+ * the whole volume.
+ */
+value_range: [number, number], 
+/**
+ * Voxels with their centre inside clip box and clip planes per bucket; buckets have equal
+ * width.
+ */
+counts: number[], };
+
+export type PreviewRequest = { 
+/**
+ * A JSON merge patch (RFC 7396) on the session's scene, which stays as it is; it may not name
+ * another volume.
+ */
+patch: Record<string, unknown>, 
+/**
+ * Width of the picture, pixels, 1 to 512.
+ */
+width: number, 
+/**
+ * Height of the picture, pixels, 1 to 512.
+ */
+height: number, };
 
 export type CreateSession = { 
 /**

@@ -261,7 +261,7 @@ class Engine {
     this.volume.forget();
     set({
       sessionId: id, link: "connecting", retryAt: null, startCamera: null, startFits: false, report: null, changeReport: null, pictureReport: null,
-      awaitingPicture: true, progress: null, notice: null, failure: null, fieldError: null, canUndo: false, canRedo: false,
+      awaitingPicture: true, progress: null, notice: null, settled: false, failure: null, fieldError: null, canUndo: false, canRedo: false,
       scene: scene ?? useSession.getState().scene,
     });
   }
@@ -410,7 +410,7 @@ class Engine {
   }
 
   private publishScene(): void {
-    if (this.sync) set({ scene: this.sync.scene, canUndo: this.edits.canUndo, canRedo: this.edits.canRedo });
+    if (this.sync) set({ scene: this.sync.scene, settled: this.sync.settled, canUndo: this.edits.canUndo, canRedo: this.edits.canRedo });
   }
 
   private publishReadings(): void {

@@ -39,6 +39,8 @@ export interface SessionState {
   startCamera: Camera | null;
   /** The start is a dataset's own view: it is drawn back until it fits a narrow viewport. */
   startFits: boolean;
+  /** The server has answered every edit that `scene` contains. */
+  settled: boolean;
   canUndo: boolean;
   canRedo: boolean;
   link: LinkState;
@@ -75,6 +77,7 @@ export const useSession = create<SessionState>(() => ({
   scene: null,
   startCamera: null,
   startFits: false,
+  settled: false,
   canUndo: false,
   canRedo: false,
   link: "idle",

@@ -6,12 +6,17 @@ import { useUi } from "../app/uiStore";
 import type { Histogram, TransferFunctionPoint } from "../generated/proto";
 import { hexFromLinear } from "../scene/colour";
 import { session } from "../session/engine";
+import { EditCost } from "./EditCost";
 import { areaUnder, bandPath, columnsPath, curvePath, heightAt, opacityAtY, sAt, xOf, yOf, type Plot } from "./geometry";
 import { heightOf, opacityAt, opacityOf } from "./opacity";
 import { addPoint, moveBand, movePoint, opacityAtValue, removePoint } from "./points";
 import { formatData, formatValue, histogramColumns, panWindow, ticks, valueOf, zoomWindow, type Range } from "./valueAxis";
 
 const PLOT_HEIGHT = 148;
+/** The strip of edit costs under the plot, and the gap above it. */
+const COST_GAP = 3;
+const COST_HEIGHT = 6;
+const AXIS_TOP = PLOT_HEIGHT + COST_GAP + COST_HEIGHT + 1;
 const AXIS_HEIGHT = 20;
 const MARGIN = 8;
 /** Labels of the axis closer than this to an end grow inwards, pixels. */
@@ -36,9 +41,12 @@ interface Drag {
 export const setPoints = (points: TransferFunctionPoint[], key: string | null = null): void =>
   session.edit({ transfer_function: { points } }, key);
 
-export function Editor({ points, histogram, range, whole, onNumbers }: {
+export function Editor({ points, histogram, shown, range, whole, onNumbers }: {
   points: readonly TransferFunctionPoint[];
+  /** Of the whole volume. */
   histogram: Histogram | null;
+  /** What of it is drawn behind the curve. */
+  shown: Pick<Histogram, "counts" | "value_range"> | null;
   /** Data values of `s` = 0 and 1. */
   range: Range;
   /** Values are whole numbers. */
@@ -150,10 +158,10 @@ export function Editor({ points, histogram, range, whole, onNumbers }: {
 
   const curve = curvePath(plot, points);
   const columns = useMemo(() => {
-    if (!histogram || width === 0) return "";
+    if (!shown || width === 0) return "";
     const values: Range = [valueOf(window[0], range), valueOf(window[1], range)];
-    return columnsPath(plot, histogramColumns(histogram, values, Math.max(1, Math.floor(plot.width / 1.5)), log));
-  }, [histogram, plot, range, window, log, width]);
+    return columnsPath(plot, histogramColumns(shown, values, Math.max(1, Math.floor(plot.width / 1.5)), log));
+  }, [shown, plot, range, window, log, width]);
   const values: Range = [valueOf(window[0], range), valueOf(window[1], range)];
   const floor = plot.top + plot.height;
 
@@ -162,7 +170,7 @@ export function Editor({ points, histogram, range, whole, onNumbers }: {
       <svg
         ref={svg}
         className="tf"
-        height={PLOT_HEIGHT + AXIS_HEIGHT}
+        height={AXIS_TOP + AXIS_HEIGHT}
         data-testid="tf-editor"
         data-window={window.join(" ")}
         onPointerMove={move}
@@ -192,17 +200,18 @@ export function Editor({ points, histogram, range, whole, onNumbers }: {
           <path className="tf-curve-edge" d={curve} />
           <path className="tf-curve" d={curve} />
         </g>
+        {histogram && width > 0 && <EditCost plot={plot} y={PLOT_HEIGHT + COST_GAP} height={COST_HEIGHT} histogram={histogram} range={range} whole={whole} pointerX={pointer?.x ?? null} />}
         <g className="tf-axis">
           {ticks(values, 5).map((value) => {
             const x = plot.left + ((value - values[0]) / (values[1] - values[0])) * plot.width;
             return (
               <g key={value}>
-                <line x1={x} x2={x} y1={floor} y2={floor + 4} />
-                <text x={x} y={floor + 15} textAnchor={x < plot.left + EDGE ? "start" : x > plot.left + plot.width - EDGE ? "end" : "middle"}>{formatValue(value)}</text>
+                <line x1={x} x2={x} y1={AXIS_TOP} y2={AXIS_TOP + 4} />
+                <text x={x} y={AXIS_TOP + 15} textAnchor={x < plot.left + EDGE ? "start" : x > plot.left + plot.width - EDGE ? "end" : "middle"}>{formatValue(value)}</text>
               </g>
             );
           })}
-          <rect className="tf-axis-hit" x={0} y={floor} width={width} height={AXIS_HEIGHT} data-testid="tf-axis" />
+          <rect className="tf-axis-hit" x={0} y={AXIS_TOP} width={width} height={AXIS_HEIGHT} data-testid="tf-axis" />
         </g>
         {points.map((point, index) => {
           const x = xOf(plot, point.s);

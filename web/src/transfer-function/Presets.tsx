@@ -1,21 +1,26 @@
-/** Transfer functions made for this volume, each drawn over its histogram. */
+/** Transfer functions made for this volume: what each makes of it, and its curve over the histogram. */
 
 import { Button, Popover } from "@mantine/core";
 import { useId, useMemo, useState } from "react";
 import { useUi } from "../app/uiStore";
 import type { Histogram } from "../generated/proto";
 import { hexFromLinear } from "../scene/colour";
+import type { Patch } from "../scene/mergePatch";
 import { session } from "../session/engine";
 import { areaUnder, columnsPath, curvePath, type Plot } from "./geometry";
+import { PresetPicture } from "./PresetPicture";
 import { presetsFor, type Preset } from "./presets";
 import { histogramColumns, valueOf, type Range } from "./valueAxis";
 
-const WIDTH = 132;
-const HEIGHT = 46;
+/** Size of the curve, CSS pixels. */
+const WIDTH = 92;
+const HEIGHT = 60;
+
+/** What a preset changes of the scene. */
+const patchOf = ({ points, materials }: Preset): Patch => ({ transfer_function: { points }, ...(Object.keys(materials).length > 0 ? { materials } : {}) });
 
 function apply(preset: Preset): void {
-  const materials = Object.keys(preset.materials).length > 0 ? { materials: preset.materials } : {};
-  session.edit({ transfer_function: { points: preset.points }, ...materials });
+  session.edit(patchOf(preset));
   useUi.setState({ selectedPoint: null });
 }
 
@@ -42,8 +47,9 @@ export function Presets({ histogram, range, surfaceValue }: {
               apply(preset);
               setOpened(false);
             }}>
+              <PresetPicture patch={patchOf(preset)} />
               {histogram && <PresetDrawing preset={preset} histogram={histogram} range={range} />}
-              <span>{preset.id === "surface" && surfaceValue !== undefined ? "Surface at point" : preset.label}</span>
+              <span className="preset-name">{preset.id === "surface" && surfaceValue !== undefined ? "Surface at point" : preset.label}</span>
             </button>
           ))}
         </div>

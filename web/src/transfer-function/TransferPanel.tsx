@@ -1,12 +1,13 @@
 /** The transfer function: editor, presets, the selected point, window and density. */
 
 import { SegmentedControl } from "@mantine/core";
-import { useMemo, useState, type ReactNode } from "react";
+import { useMemo, useState } from "react";
 import { Row, Section, SliderField } from "../app/controls";
 import { useUi } from "../app/uiStore";
 import { session } from "../session/engine";
 import { useSession } from "../session/store";
 import { Editor } from "./Editor";
+import { useRegionHistogram } from "./inView";
 import { PointFields } from "./PointFields";
 import { Presets } from "./Presets";
 import { ontoRange } from "./reframe";
@@ -17,10 +18,7 @@ import { WindowRow } from "./WindowRow";
 const SLIDER_DENSITY = 10;
 const MAX_DENSITY = 1e6;
 
-export function TransferPanel({ editCost }: {
-  /** What an edit would cost, drawn under the editor on the same value axis. */
-  editCost?: ReactNode;
-}) {
+export function TransferPanel() {
   const points = useSession((state) => state.scene?.transfer_function.points);
   const dataset = useSession((state) => state.dataset);
   const histogram = useSession((state) => state.histogram);
@@ -29,6 +27,8 @@ export function TransferPanel({ editCost }: {
   const selected = useUi((ui) => ui.selectedPoint);
   const log = useUi((ui) => ui.logHistogram);
   const axis = useUi((ui) => ui.opacityAxis);
+  const inView = useUi((ui) => ui.histogramInView);
+  const region = useRegionHistogram(inView);
   const [focusRequest, setFocusRequest] = useState(0);
   const range = useMemo(() => valueRange(window ? { value_range: window } : null, dataset), [window, dataset]);
 
@@ -48,10 +48,10 @@ export function TransferPanel({ editCost }: {
       fields={["transfer_function", "value_range", "density"]}
       actions={<Presets histogram={histogram} range={range} surfaceValue={selectedPoint && valueOf(selectedPoint.s, range)} />}
     >
-      <Editor key={dataset?.id} points={points} histogram={histogram} range={range} whole={whole} onNumbers={() => setFocusRequest((n) => n + 1)} />
-      <div className="tf-cost-slot" data-testid="tf-edit-cost">{editCost}</div>
-      <Row label="Histogram" hint="Grey columns: how many voxels have each value; logarithmic shows rare values, too">
-        <SegmentedControl className="row-choice" value={log ? "log" : "linear"} data={[{ value: "log", label: "Logarithmic" }, { value: "linear", label: "Linear" }]} onChange={(value) => useUi.setState({ logHistogram: value === "log" })} data-testid="tf-histogram-scale" />
+      <Editor key={dataset?.id} points={points} histogram={histogram} shown={region ?? histogram} range={range} whole={whole} onNumbers={() => setFocusRequest((n) => n + 1)} />
+      <Row label="Histogram" hint="Grey columns: how many voxels have each value, of all or of what the clip box and planes leave in view; logarithmic shows rare values, too">
+        <SegmentedControl className="row-choice" value={inView ? "view" : "all"} data={[{ value: "all", label: "All" }, { value: "view", label: "In view" }]} onChange={(value) => useUi.setState({ histogramInView: value === "view" })} data-testid="tf-histogram-part" />
+        <SegmentedControl className="row-choice" value={log ? "log" : "linear"} data={[{ value: "log", label: "Log" }, { value: "linear", label: "Linear" }]} onChange={(value) => useUi.setState({ logHistogram: value === "log" })} data-testid="tf-histogram-scale" />
       </Row>
       <Row label="Opacity axis" hint="Height of the points: even, or with more room for small opacities">
         <SegmentedControl className="row-choice" value={axis} data={[{ value: "power", label: "Spread near 0" }, { value: "linear", label: "Linear" }]} onChange={(value) => useUi.setState({ opacityAxis: value === "power" ? "power" : "linear" })} data-testid="tf-opacity-axis" />

@@ -1,6 +1,9 @@
 import { describe, expect, it } from "vitest";
-import { MAX_OPACITY, type Histogram, type TransferFunctionPoint, type VoxelType } from "../generated/proto";
+import { MAX_OPACITY, type Histogram, type SceneFile, type TransferFunctionPoint, type VoxelType } from "../generated/proto";
+import { costBins, costRuns, shareInWords } from "./editCost";
+import { regionOf } from "./inView";
 import { extinctionFromOpacity, heightOf, inUnit, opacityAt, opacityFromExtinction, withOpacity } from "./opacity";
+import { PictureCache, pictureKey } from "./pictures";
 import { addPoint, changePoint, matterAt, moveBand, movePoint, opacityAtValue, removePoint } from "./points";
 import { looksLikeCt, otsuThreshold, presetsFor, quantile } from "./presets";
 import { ontoRange } from "./reframe";
@@ -169,7 +172,7 @@ describe("the value axis", () => {
   });
 
   it("keeps the fullest bucket of each column", () => {
-    const histogram: Histogram = { value_range: [0, 4], counts: [10, 0, 5, 1], bin_edges: [] };
+    const histogram: Histogram = { value_range: [0, 4], counts: [10, 0, 5, 1], bin_edges: [], bin_shares: [] };
     expect(histogramColumns(histogram, [0, 4], 2, false)).toEqual([1, 0.5]);
     expect(histogramColumns(histogram, [0, 8], 2, false)).toEqual([1, 0]);
     expect(histogramColumns(histogram, [2, 3], 1, true)[0]).toBeCloseTo(Math.log(6) / Math.log(11), 12);
@@ -178,7 +181,7 @@ describe("the value axis", () => {
 
 describe("presets", () => {
   const counts = Array.from({ length: 100 }, (_, i) => (i < 20 ? 1000 : i > 70 && i < 90 ? 200 : 0));
-  const ct: Histogram = { value_range: [-1000, 3000], counts, bin_edges: [] };
+  const ct: Histogram = { value_range: [-1000, 3000], counts, bin_edges: [], bin_shares: [] };
 
   it("find the value between two groups", () => {
     const threshold = otsuThreshold(ct);
@@ -210,5 +213,79 @@ describe("presets", () => {
 
   it("offer Hounsfield units only where they are", () => {
     expect(presetsFor({ ...ct, value_range: [0, 255] }, [0, 255]).map((p) => p.id)).not.toContain("ct");
+  });
+});
+
+describe("the cost of an edit", () => {
+  // Labels 0, 1 and 9: two bins with width, and the largest value in the last of many without.
+  const edges = [0, 0.5, 5, ...Array.from({ length: 62 }, () => 9)];
+  const shares = [0.8, 0.3, ...Array.from({ length: 62 }, (_, i) => (i === 61 ? 0.02 : 0.3))];
+  const labels: Histogram = { value_range: [0, 9], counts: [], bin_edges: edges, bin_shares: shares };
+
+  it("is that of the bins a column touches, the largest of them", () => {
+    const bins = costBins(labels);
+    expect(bins.map(({ low, high }) => [low, high])).toEqual([[0, 0.5], [0.5, 5], [5, 9], [9, 9]]);
+    expect(costRuns(bins, [0, 9], 9)).toEqual([{ from: 0, to: 1, share: 0.8 }, { from: 1, to: 9, share: 0.3 }]);
+    // Only the last value is in the last column of a window that begins beyond its neighbours.
+    expect(costRuns(bins, [8, 10], 2)).toEqual([{ from: 0, to: 1, share: 0.3 }, { from: 1, to: 2, share: 0.02 }]);
+  });
+
+  it("is nothing beyond the data", () => {
+    const runs = costRuns(costBins(labels), [-9, 18], 27);
+    expect(runs.map(({ from, share }) => [from, share])).toEqual([[0, 0], [9, 0.8], [10, 0.3], [18, 0.02], [19, 0]]);
+  });
+
+  it("is said in words", () => {
+    expect(shareInWords(0)).toBe("nothing");
+    expect(shareInWords(0.0004)).toBe("less than 0.1 % of the volume");
+    expect(shareInWords(0.0123)).toBe("1.2 % of the volume");
+    expect(shareInWords(0.12)).toBe("12 % of the volume");
+    expect(shareInWords(0.999)).toBe("99 % of the volume");
+    expect(shareInWords(1)).toBe("the whole volume");
+  });
+});
+
+describe("the region in view", () => {
+  const scene = (clip: object): SceneFile => ({ volume: { builtin: "pillars", filter: "linear" }, clip: { planes: [], shadows: false, ...clip } }) as unknown as SceneFile;
+  const box = [[0, 0, 0], [1, 1, 0.5]];
+
+  it("is nothing of its own while nothing is cut", () => {
+    expect(regionOf("a", scene({}))).toBeNull();
+    expect(regionOf(null, scene({ box }))).toBeNull();
+  });
+
+  it("changes with what is cut, and not with how it is drawn", () => {
+    const region = regionOf("a", scene({ box }));
+    expect(region).not.toBeNull();
+    expect(regionOf("a", scene({ box, shadows: true }))).toBe(region);
+    expect(regionOf("b", scene({ box }))).not.toBe(region);
+    expect(regionOf("a", scene({ box, planes: [{ normal: [1, 0, 0], offset: 0 }] }))).not.toBe(region);
+    expect(regionOf("a", { ...scene({ box }), volume: { builtin: "pillars", filter: "nearest" } })).toBe(region);
+    expect(regionOf("a", { ...scene({ box }), volume: { dataset: "x", filter: "linear" } })).not.toBe(region);
+  });
+});
+
+describe("pictures of presets", () => {
+  const scene = { density: 1, camera: { fov_y_degrees: 30 }, transfer_function: { points }, image: { width: 1 }, sampling: { samples_per_pixel: 4, step_voxels: 1 } } as unknown as SceneFile;
+
+  it("depend on the patch and on all that it leaves", () => {
+    const key = pictureKey(scene, { transfer_function: { points: [] } });
+    expect(pictureKey({ ...scene, camera: { fov_y_degrees: 40 } } as unknown as SceneFile, { transfer_function: { points: [] } })).toBe(key);
+    expect(pictureKey({ ...scene, transfer_function: { points: [] } }, { transfer_function: { points: [] } })).toBe(key);
+    expect(pictureKey(scene, { transfer_function: { points } })).not.toBe(key);
+    expect(pictureKey({ ...scene, density: 2 }, { transfer_function: { points: [] } })).not.toBe(key);
+  });
+
+  it("are kept while they are used", () => {
+    const dropped: string[] = [];
+    const cache = new PictureCache(2, (address) => dropped.push(address));
+    cache.keep("a", "1");
+    cache.keep("b", "2");
+    expect(cache.get("a")).toBe("1");
+    cache.keep("c", "3");
+    expect(dropped).toEqual(["2"]);
+    expect([cache.get("a"), cache.get("b"), cache.get("c")]).toEqual(["1", null, "3"]);
+    cache.keep("a", "4");
+    expect(dropped).toEqual(["2", "1"]);
   });
 });

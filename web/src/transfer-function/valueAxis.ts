@@ -63,7 +63,7 @@ export const formatData = (value: number, whole: boolean): string => (whole ? St
  * Heights 0..1 of `columns` equal columns over `window` (data values): the fullest bucket that a
  * column touches, relative to the fullest of all, on a linear or logarithmic scale.
  */
-export function histogramColumns(histogram: Histogram, window: Range, columns: number, log: boolean): number[] {
+export function histogramColumns(histogram: Pick<Histogram, "counts" | "value_range">, window: Range, columns: number, log: boolean): number[] {
   const { counts, value_range: [low, high] } = histogram;
   const buckets = counts.length;
   if (buckets === 0 || high <= low) return [];

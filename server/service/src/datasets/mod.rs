@@ -20,7 +20,7 @@ use scene::PreparedVolume;
 
 use crate::config::Limits;
 use crate::problem::{Answer, Fault};
-use storage::{Manifest, Storage, StoredVolume};
+use storage::{Manifest, Storage};
 
 /// Digits of a dataset's identifier, taken from its content hash.
 const ID_DIGITS: usize = 16;
@@ -106,30 +106,23 @@ impl Catalog {
         Reservation { catalog: self, bytes: 0 }
     }
 
-    /// Stores a received folder. Content that is stored already is recognised: the dataset it
-    /// belongs to is returned, with `false`, and the folder is left to its owner.
+    /// Stores a received folder under an identifier made from its content. Content that is stored
+    /// already is recognised: the dataset it belongs to is returned, with `false`, and the folder is
+    /// left to its owner.
     ///
     /// Blocks; call it where blocking is allowed.
     ///
     /// # Errors
     /// The limit on datasets (507), or the file system refuses (500).
-    pub fn store(
-        &self,
-        folder: &Path,
-        content: &str,
-        main_file: &str,
-        volumes: Vec<StoredVolume>,
-        mut dataset: Dataset,
-    ) -> Answer<(Dataset, bool)> {
+    pub fn store(&self, folder: &Path, mut manifest: Manifest) -> Answer<(Dataset, bool)> {
         let _writing = self.writing.lock();
-        if let Some(existing) = self.with_content(content) {
+        if let Some(existing) = self.with_content(&manifest.content) {
             return Ok((existing.dataset, false));
         }
         self.check_count()?;
-        let short: String = content.chars().take(ID_DIGITS).collect();
-        dataset.id = if self.get(&short).is_some() { content.into() } else { short };
-        let mut manifest = Manifest::new(content.into(), main_file.into(), dataset.clone());
-        manifest.volumes = volumes;
+        let short: String = manifest.content.chars().take(ID_DIGITS).collect();
+        manifest.dataset.id = if self.get(&short).is_some() { manifest.content.clone() } else { short };
+        let dataset = manifest.dataset.clone();
         self.storage
             .store(folder, &manifest)
             .map_err(|error| Fault::internal("storing a dataset", &error))?;

@@ -13,7 +13,7 @@ use futures_util::{Stream, StreamExt};
 use proto::rest::Dataset;
 use tokio::io::AsyncWriteExt;
 
-use super::storage::random_hex;
+use super::storage::{Manifest, random_hex};
 use super::{Reservation, series, volumes};
 use crate::App;
 use crate::problem::{Answer, Fault};
@@ -27,6 +27,8 @@ const GRACE: Duration = Duration::from_secs(60);
 const WRITE_BYTES: usize = 1 << 20;
 /// Most volumes of a file without names for them that can be chosen on the page.
 const MAX_LISTED_CHOICES: u64 = 512;
+/// Endings of slices that come in one file each.
+const SLICE_ENDINGS: [&str; 3] = [".tif", ".tiff", ".png"];
 /// Longest file name kept, characters.
 const MAX_NAME_CHARS: usize = 100;
 
@@ -172,7 +174,10 @@ fn import(
     bytes: u64,
     limits: &crate::config::Limits,
 ) -> Answer<(Dataset, bool)> {
-    let path = if is_series(folder) { folder.to_owned() } else { folder.join(main_file) };
+    let files = files_of(folder);
+    let slices = are_slices(&files);
+    let is_folder = slices || is_series(&files);
+    let path = if is_folder { folder.to_owned() } else { folder.join(main_file) };
     let read = volumes::read(&path, None, limits, &|_| {}).map_err(|error| {
         // The folder's name means nothing to the client.
         let own_name = folder.file_name().unwrap_or_default().to_string_lossy();
@@ -182,23 +187,38 @@ fn import(
         return series::import(app, &path, content, bytes, read);
     }
     let prepared = scene::PreparedVolume::new(read.volume, &|_| {});
-    let mut dataset = super::describe(&prepared, "", display_name(main_file), read.format.name());
+    let name = if slices { slices_name(main_file) } else { display_name(main_file) };
+    let mut dataset = super::describe(&prepared, "", name, read.format.name());
     dataset.voxel_type = read.file_type;
     dataset.bytes = bytes;
     dataset.notices = read.notices;
     dataset.choices = choices(read.choices, read.choice_names);
     dataset.created_unix_millis = crate::unix_millis();
-    let (dataset, new) = app.catalog().store(folder, content, main_file, Vec::new(), dataset)?;
+    let mut manifest = Manifest::new(content.to_owned(), main_file.to_owned(), dataset);
+    manifest.slices = slices;
+    let (dataset, new) = app.catalog().store(folder, manifest)?;
     app.volumes().offer(volumes::Key::dataset(&dataset.id), prepared);
     Ok((dataset, new))
 }
 
-/// Whether a received folder holds several files of which one is DICOM.
-fn is_series(folder: &Path) -> bool {
-    let files: Vec<PathBuf> = std::fs::read_dir(folder)
+fn files_of(folder: &Path) -> Vec<PathBuf> {
+    std::fs::read_dir(folder)
         .map(|entries| entries.filter_map(|entry| Some(entry.ok()?.path())).collect())
-        .unwrap_or_default();
+        .unwrap_or_default()
+}
+
+/// Whether several files were received of which one is DICOM.
+fn is_series(files: &[PathBuf]) -> bool {
     files.len() > 1 && files.iter().any(|path| formats::is_dicom(path))
+}
+
+/// Whether several files were received, all of them pictures by their names: slices of one volume.
+fn are_slices(files: &[PathBuf]) -> bool {
+    let is_picture = |path: &PathBuf| {
+        let name = path.to_string_lossy().to_lowercase();
+        SLICE_ENDINGS.iter().any(|end| name.ends_with(end))
+    };
+    files.len() > 1 && files.iter().all(is_picture)
 }
 
 /// Names of the volumes to choose from; numbers where the file has no names for them.
@@ -262,6 +282,14 @@ fn display_name(file: &str) -> &str {
     }
 }
 
+/// What the names of slices begin with, or the first slice's name where they only count.
+fn slices_name(first: &str) -> &str {
+    let name = display_name(first);
+    let common =
+        name.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end_matches(['_', '-', '.', ' ', '(']);
+    if common.is_empty() { name } else { common }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -319,5 +347,7 @@ mod tests {
         assert_eq!(display_name("head.v2.nrrd"), "head.v2");
         assert_eq!(display_name("head.ome.zarr.zip"), "head");
         assert_eq!(display_name("head"), "head");
+        assert_eq!(slices_name("head_0001.tif"), "head");
+        assert_eq!(slices_name("0001.tif"), "0001");
     }
 }

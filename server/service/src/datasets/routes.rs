@@ -61,7 +61,9 @@ pub async fn list(State(app): State<Arc<App>>) -> Answer<JsonAnswer<Vec<Dataset>
 /// Uploads a dataset of one or more files.
 ///
 /// Each file is a part named `file`: a volume, or a header with its data, or a raw file with
-/// `NAME.json` that gives `dims`, `type` and, if needed, `endian`, `header_bytes`, `spacing`.
+/// `NAME.json` that gives `dims`, `type` and, if needed, `endian`, `header_bytes`, `spacing`, or
+/// the slices of a DICOM series, or TIFF or PNG slices of one page each, ordered by the numbers in
+/// their names.
 #[utoipa::path(
     post, path = "/datasets", tag = "datasets",
     request_body(content = inline(UploadForm), content_type = "multipart/form-data"),
@@ -228,6 +230,7 @@ pub async fn histogram(State(app): State<Arc<App>>, Path(id): Path<String>) -> A
         value_range: volume.range,
         counts: volume.histogram.clone(),
         bin_edges: volume.bins.edges.to_vec(),
+        bin_shares: volume.bin_shares.to_vec(),
     }))
 }
 

@@ -13,7 +13,7 @@ use proto::scene_file::VoxelType;
 use scene::{PreparedVolume, Volume};
 
 use super::receive::Folder;
-use super::storage::{StoredVolume, random_hex};
+use super::storage::{Manifest, StoredVolume, random_hex};
 use super::volumes;
 use crate::App;
 use crate::problem::{Answer, Fault};
@@ -67,7 +67,9 @@ pub(super) fn import(
     dataset.choices = if names.len() > 1 { names } else { Vec::new() };
     dataset.created_unix_millis = crate::unix_millis();
     let main_file = stored[0].file.clone();
-    let (dataset, new) = app.catalog().store(&folder.0, content, &main_file, stored, dataset)?;
+    let mut manifest = Manifest::new(content.to_owned(), main_file, dataset);
+    manifest.volumes = stored;
+    let (dataset, new) = app.catalog().store(&folder.0, manifest)?;
     app.volumes().offer(volumes::Key::dataset(&dataset.id), prepared);
     Ok((dataset, new))
 }

@@ -36,6 +36,10 @@ pub struct Manifest {
     pub content: String,
     /// The file a reader opens; the others are its companions.
     pub main_file: String,
+    /// The files are slices of one volume: a reader opens their folder, and `main_file` is the
+    /// first of them by name.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub slices: bool,
     /// What clients are told.
     pub dataset: Dataset,
     /// Volumes that were read from the upload and are kept in its place, in the order of
@@ -57,7 +61,7 @@ pub struct StoredVolume {
 impl Manifest {
     /// A manifest of the present version.
     pub fn new(content: String, main_file: String, dataset: Dataset) -> Self {
-        Self { version: MANIFEST_VERSION, content, main_file, dataset, volumes: Vec::new() }
+        Self { version: MANIFEST_VERSION, content, main_file, slices: false, dataset, volumes: Vec::new() }
     }
 }
 
@@ -102,9 +106,12 @@ impl Storage {
         self.blob(&manifest.content).join(&manifest.main_file)
     }
 
-    /// The file of one of several volumes of a dataset, and the index to read it with; `None` if
-    /// there is no such volume.
+    /// The file of one of several volumes of a dataset, or its folder of slices, and the index to
+    /// read it with; `None` if there is no such volume.
     pub fn volume_file(&self, manifest: &Manifest, index: Option<u32>) -> Option<(PathBuf, Option<u32>)> {
+        if manifest.slices {
+            return Some((self.blob(&manifest.content), index));
+        }
         if manifest.volumes.is_empty() {
             return Some((self.main_file(manifest), index));
         }

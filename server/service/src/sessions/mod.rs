@@ -7,6 +7,7 @@
 mod edits;
 mod registry;
 pub mod routes;
+pub mod stills;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -26,7 +27,7 @@ pub use registry::{Sessions, no_such_session};
 
 use crate::App;
 use crate::datasets::volumes::Key;
-use crate::problem::Answer;
+use crate::problem::{Answer, Fault};
 use crate::render_thread::{Output, ViewerId};
 use edits::{Checked, Current, Refusal};
 
@@ -119,6 +120,35 @@ impl Session {
         let mut state = self.state.lock();
         state.idle_since = Instant::now();
         Arc::new(Snapshot { epoch: state.epoch, scene: state.scene.clone() })
+    }
+
+    /// What the newest snapshot would be with a patch, which may not need another volume. The
+    /// session stays as it is.
+    ///
+    /// # Errors
+    /// The field at fault, below `patch`.
+    pub fn patched_snapshot(&self, app: &App, patch: &Value) -> Answer<Arc<Snapshot>> {
+        let (file, key, scene, epoch) = {
+            let state = self.state.lock();
+            (state.file.clone(), state.key.clone(), state.scene.clone(), state.epoch)
+        };
+        let current = Current { file: &file, key: &key, volume: &scene.volume };
+        let checked = edits::merged(&file, patch)
+            .map_err(Refusal::Field)
+            .and_then(|value| edits::check(app, current, None, value));
+        match checked {
+            Ok(checked) => Ok(Arc::new(Snapshot { epoch, scene: checked.scene })),
+            Err(Refusal::Field(error)) => {
+                let mut fault = Fault::from(error);
+                if let Some(field) = &mut fault.problem.field {
+                    field.insert_str(0, "patch.");
+                }
+                Err(fault)
+            }
+            Err(Refusal::Needs(_)) => {
+                Err(Fault::invalid("patch.volume", "must be the session's: a preview loads no other"))
+            }
+        }
     }
 
     /// The newest scene file.

@@ -1,29 +1,23 @@
 //! `/api/v1/sessions` and `/api/v1/status`.
 
 use std::sync::Arc;
-use std::time::Duration;
 
 use axum::Json as JsonAnswer;
-use axum::extract::{Path, Query, State};
-use axum::http::{HeaderValue, StatusCode, header};
+use axum::extract::{Path, State};
+use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use proto::FieldError;
 use proto::rest::{
-    CreateSession, Probe, ProbeHit, ProbeRequest, Problem, Session as SessionDocument, Status,
+    CreateSession, Probe, ProbeHit, ProbeRequest, Problem, RegionHistogram, Session as SessionDocument,
+    Status,
 };
 use proto::scene_file::{SceneFile, limits::MAX_IMAGE_EDGE};
-use scene::plan::Target;
-use serde::Deserialize;
 use serde_json::Value;
 
 use super::{Edit, Session, edits, no_such_session};
 use crate::App;
 use crate::http::Json;
 use crate::problem::{Answer, Fault};
-use crate::render_thread::Still;
-
-/// Most pixels of a still: what a film of 16 bytes a pixel may have on every device.
-const MAX_STILL_PIXELS: u64 = 8 << 20;
 
 /// What the service is and how busy.
 #[utoipa::path(get, path = "/status", tag = "service", responses((status = OK, body = Status)))]
@@ -166,18 +160,12 @@ pub async fn patch_scene(
 pub async fn probe(
     State(app): State<Arc<App>>,
     Path(id): Path<String>,
-    Json(request): Json<Value>,
+    Json(request): Json<ProbeRequest>,
 ) -> Answer<JsonAnswer<Probe>> {
-    let request: ProbeRequest = proto::field::from_value(request)?;
     edits::check_camera(&request.camera)?;
-    let edge = 1..=MAX_IMAGE_EDGE;
-    for (field, pixels, edges) in [("width", request.x, request.width), ("height", request.y, request.height)]
-    {
-        if !edge.contains(&edges) {
-            return Err(FieldError::new(field, format!("must be 1 to {MAX_IMAGE_EDGE} pixels")).into());
-        }
-        if !(0.0..=f64::from(edges)).contains(&pixels) {
-            let axis = if field == "width" { "x" } else { "y" };
+    check_edges(request.width, request.height, MAX_IMAGE_EDGE)?;
+    for (axis, pixels, edge) in [("x", request.x, request.width), ("y", request.y, request.height)] {
+        if !(0.0..=f64::from(edge)).contains(&pixels) {
             return Err(FieldError::new(axis, "must lie within the picture").into());
         }
     }
@@ -196,6 +184,28 @@ pub async fn probe(
     crate::blocking("probing a volume", move || JsonAnswer(Probe { hit: hit() })).await
 }
 
+/// How often each data value occurs in what the session's clip region keeps.
+#[utoipa::path(
+    get, path = "/sessions/{id}/histogram", tag = "sessions", params(("id" = String, Path)),
+    responses((status = OK, body = RegionHistogram), (status = NOT_FOUND, body = Problem, content_type = "application/problem+json"))
+)]
+pub async fn histogram(
+    State(app): State<Arc<App>>,
+    Path(id): Path<String>,
+) -> Answer<JsonAnswer<RegionHistogram>> {
+    let session = find(&app, &id)?;
+    let _turn = app.region_scans.acquire().await;
+    let count = move || {
+        let snapshot = session.snapshot();
+        JsonAnswer(RegionHistogram {
+            epoch: snapshot.epoch,
+            value_range: snapshot.scene.volume.range,
+            counts: scene::region::histogram_in_clip(&snapshot.scene),
+        })
+    };
+    crate::blocking("counting values", count).await
+}
+
 async fn edit(app: &Arc<App>, id: &str, edit: Edit) -> Answer<JsonAnswer<SessionDocument>> {
     let session = find(app, id)?;
     session.edit(app, edit).await?;
@@ -207,94 +217,16 @@ async fn described(session: Arc<Session>) -> Answer<JsonAnswer<SessionDocument>>
     crate::blocking("reading a session", move || JsonAnswer(session.describe())).await
 }
 
-fn find(app: &App, id: &str) -> Answer<Arc<Session>> {
+pub(super) fn find(app: &App, id: &str) -> Answer<Arc<Session>> {
     app.sessions().get(id).ok_or_else(|| no_such_session(id))
 }
 
-/// Formats of a still.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, utoipa::ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum StillFormat {
-    /// 8-bit sRGB, tone-mapped.
-    #[default]
-    Png,
-    /// OpenEXR, linear float32 RGB.
-    Exr,
-    /// NumPy array of shape (height, width, 3), linear float32.
-    Npy,
-}
-
-/// What still is wanted.
-#[derive(Debug, Deserialize, utoipa::IntoParams)]
-#[serde(deny_unknown_fields)]
-#[into_params(parameter_in = Query)]
-pub struct StillQuery {
-    /// Default png.
-    #[serde(default)]
-    #[param(inline)]
-    format: StillFormat,
-    /// Pixels, default the scene's `image.width`.
-    width: Option<u32>,
-    /// Pixels, default the scene's `image.height`.
-    height: Option<u32>,
-}
-
-/// Draws the scene from the session's camera, to the scene's `sampling.samples_per_pixel`.
-#[utoipa::path(
-    get, path = "/sessions/{id}/snapshot", tag = "sessions", params(("id" = String, Path), StillQuery),
-    responses(
-        (status = OK, description = "The picture", content(
-            (Vec<u8> = "image/png"), (Vec<u8> = "image/x-exr"), (Vec<u8> = "application/x-npy")
-        )),
-        (status = UNPROCESSABLE_ENTITY, body = Problem, content_type = "application/problem+json"),
-        (status = SERVICE_UNAVAILABLE, body = Problem, content_type = "application/problem+json", description = "Too many stills are waiting"),
-        (status = GATEWAY_TIMEOUT, body = Problem, content_type = "application/problem+json", description = "Drawing took too long"),
-    )
-)]
-pub async fn snapshot(
-    State(app): State<Arc<App>>,
-    Path(id): Path<String>,
-    Query(query): Query<StillQuery>,
-) -> Answer<Response> {
-    let session = find(&app, &id)?;
-    let (file, snapshot) =
-        crate::blocking("reading a session", move || (session.scene_file(), session.snapshot())).await?;
-    let target = Target {
-        width: query.width.unwrap_or(file.image.width),
-        height: query.height.unwrap_or(file.image.height),
-        samples_per_pixel: snapshot.scene.sampling.samples_per_pixel,
-    };
-    for (field, edge) in [("width", target.width), ("height", target.height)] {
-        if !(1..=MAX_IMAGE_EDGE).contains(&edge) {
-            return Err(Fault::invalid(field, format!("must be from 1 to {MAX_IMAGE_EDGE}, got {edge}")));
+/// Refuses the size of a picture that has no pixels or an edge beyond `most`.
+pub(super) fn check_edges(width: u32, height: u32, most: u32) -> Result<(), FieldError> {
+    for (field, edge) in [("width", width), ("height", height)] {
+        if !(1..=most).contains(&edge) {
+            return Err(FieldError::new(field, format!("must be from 1 to {most} pixels, got {edge}")));
         }
     }
-    let pixels = u64::from(target.width) * u64::from(target.height);
-    if pixels > MAX_STILL_PIXELS {
-        return Err(Fault::invalid(
-            "width",
-            format!("and `height` ask for {pixels} pixels, at most {MAX_STILL_PIXELS} are drawn"),
-        ));
-    }
-    let patience = Duration::from_secs(app.config().limits.still_seconds);
-    let radiance = query.format != StillFormat::Png;
-    let still = app.renderer().still(snapshot, target, radiance, patience).await?;
-    let (media_type, bytes) =
-        crate::blocking("encoding a still", move || encoded(&still, query.format)).await??;
-    let headers = [
-        (header::CONTENT_TYPE, HeaderValue::from_static(media_type)),
-        (header::CACHE_CONTROL, HeaderValue::from_static("no-store")),
-    ];
-    Ok((headers, bytes).into_response())
-}
-
-fn encoded(still: &Still, format: StillFormat) -> Answer<(&'static str, Vec<u8>)> {
-    let failed = |error| Fault::internal("encoding a still", &error);
-    match (still, format) {
-        (Still::Picture(picture), _) => Ok(("image/png", render::still::png(picture).map_err(failed)?)),
-        (Still::Radiance(radiance), StillFormat::Npy) => {
-            Ok(("application/x-npy", render::still::npy(radiance)))
-        }
-        (Still::Radiance(radiance), _) => Ok(("image/x-exr", render::still::exr(radiance).map_err(failed)?)),
-    }
+    Ok(())
 }

@@ -32,7 +32,9 @@ async fn histograms_count_every_voxel() {
     let path = format!("/datasets/{}/histogram", dataset["id"].as_str().unwrap());
     let histogram: Histogram = serde_json::from_slice(&service.get(&path).await.ok().body).unwrap();
     assert_eq!(histogram.counts.iter().sum::<u64>(), 16 * 16 * 16);
-    assert_eq!(histogram.bin_edges.len(), 65);
+    assert_eq!((histogram.bin_edges.len(), histogram.bin_shares.len()), (65, 64));
+    assert!(histogram.bin_shares.iter().all(|share| (0.0..=1.0).contains(share)));
+    assert!(histogram.bin_shares[0] > 0.0 && histogram.bin_shares[63] > 0.0, "both ends occur");
     let range = dataset["value_range"].as_array().unwrap();
     assert_eq!(histogram.value_range, [range[0].as_f64().unwrap(), range[1].as_f64().unwrap()]);
 }

@@ -1,6 +1,7 @@
 //! Sessions over REST.
 
 use axum::http::{Method, StatusCode, header};
+use proto::rest::RegionHistogram;
 use proto::scene_file::Builtin;
 use serde_json::{Value, json};
 
@@ -129,6 +130,69 @@ async fn a_pixel_tells_its_place_and_value() {
 }
 
 #[tokio::test]
+async fn the_clip_region_has_a_histogram_of_its_own() {
+    let service = Service::new();
+    let session = service.session().await;
+    let [path, scene] = ["histogram", "scene"].map(|part| format!("/sessions/{}/{part}", session.id));
+    let whole: RegionHistogram = serde_json::from_slice(&service.get(&path).await.ok().body).unwrap();
+    assert_eq!((whole.epoch, whole.counts.iter().sum::<u64>()), (1, 24 * 24 * 24));
+    let clip =
+        json!({"clip": {"box": [[0, 0, 0], [0.5, 1, 1]], "planes": [{"normal": [0, 0, -2], "offset": 0}]}});
+    service.json(Method::PATCH, &scene, clip).await.ok();
+    let kept: RegionHistogram = serde_json::from_slice(&service.get(&path).await.ok().body).unwrap();
+    assert_eq!((kept.epoch, kept.value_range), (2, whole.value_range));
+    assert_eq!(kept.counts.iter().sum::<u64>(), 12 * 24 * 12);
+    assert!(kept.counts.iter().zip(&whole.counts).all(|(kept, whole)| kept <= whole));
+    service.get("/sessions/none/histogram").await.problem(404);
+}
+
+#[tokio::test]
+async fn previews_show_a_patch_and_leave_the_session_alone() {
+    let service = Service::new();
+    let session = service.session().await;
+    let path = format!("/sessions/{}/preview", session.id);
+    let ask = |patch: Value| json!({"patch": patch, "width": 40, "height": 30});
+    let brightness = async |patch: Value| {
+        let answer = service.json(Method::POST, &path, ask(patch)).await.ok();
+        assert_eq!(answer.headers[header::CONTENT_TYPE], "image/png");
+        let picture = image::load_from_memory(&answer.body).unwrap().to_rgb8();
+        assert_eq!((picture.width(), picture.height()), (40, 30));
+        picture.into_raw().iter().map(|&c| u64::from(c)).sum::<u64>()
+    };
+    let lit = brightness(json!({})).await;
+    assert!(lit > 0);
+    let nothing =
+        json!({"transfer_function": {"points": [{"s": 0, "extinction": 0}]}, "background": [0, 0, 0]});
+    assert_eq!(brightness(nothing).await, 0);
+    assert_eq!(brightness(json!({})).await, lit, "the scene is as before");
+    assert_eq!(service.get(&format!("/sessions/{}", session.id)).await.ok().json()["epoch"], 1);
+
+    for (body, field) in [
+        (ask(json!({"density": -1})), "patch.density"),
+        (ask(json!({"volume": {"builtin": "buckyball", "dims": [20, 20, 20]}})), "patch.volume"),
+        (ask(json!({"volume": {"builtin": null, "dims": null, "file": "/etc/passwd"}})), "patch.volume.file"),
+        (json!({"patch": {}, "width": 0, "height": 30}), "width"),
+        (json!({"patch": {}, "width": 40, "height": 513}), "height"),
+    ] {
+        let problem = service.json(Method::POST, &path, body.clone()).await.problem(422);
+        assert_eq!(problem.field.as_deref(), Some(field), "{body}");
+    }
+    service.json(Method::POST, "/sessions/none/preview", ask(json!({}))).await.problem(404);
+}
+
+#[tokio::test]
+async fn previews_wait_for_each_other_and_never_fill_the_queue_of_stills() {
+    let service = Service::with(|config| config.limits.max_waiting_stills = 1);
+    let session = service.session().await;
+    let path = format!("/sessions/{}/preview", session.id);
+    let body = json!({"patch": {}, "width": 64, "height": 64});
+    let previews = (0..5).map(|_| service.json(Method::POST, &path, body.clone()));
+    for answer in futures_util::future::join_all(previews).await {
+        answer.ok();
+    }
+}
+
+#[tokio::test]
 async fn sessions_are_limited_and_expire() {
     let service = Service::with(|config| {
         config.limits.max_sessions = 1;
@@ -203,6 +267,9 @@ async fn the_service_describes_itself() {
         ("/sessions", vec!["get", "post"]),
         ("/sessions/{id}", vec!["get", "delete"]),
         ("/sessions/{id}/scene", vec!["get", "put", "patch"]),
+        ("/sessions/{id}/probe", vec!["post"]),
+        ("/sessions/{id}/histogram", vec!["get"]),
+        ("/sessions/{id}/preview", vec!["post"]),
         ("/sessions/{id}/snapshot", vec!["get"]),
         ("/sessions/{id}/view", vec!["get"]),
     ] {

@@ -83,6 +83,64 @@ async fn a_zipped_ome_zarr_is_one_dataset() {
     assert_eq!((&answer.json()["format"], &answer.json()["name"]), (&"ome-zarr".into(), &"ball".into()));
 }
 
+/// A slice of the ball as PNG.
+fn png_slice(z: usize) -> Vec<u8> {
+    let voxels = ball(0)[z * 256..(z + 1) * 256].to_vec();
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    image::GrayImage::from_raw(16, 16, voxels)
+        .unwrap()
+        .write_to(&mut bytes, image::ImageFormat::Png)
+        .unwrap();
+    bytes.into_inner()
+}
+
+#[tokio::test]
+async fn slices_in_files_of_their_own_are_one_dataset_in_the_order_of_their_numbers() {
+    let service = Service::new();
+    let slices: Vec<_> = (0..16).map(|z| (format!("ball_{z}.png"), png_slice(z))).collect();
+    let parts: Vec<_> =
+        slices.iter().map(|(name, bytes)| ("file", name.as_str(), bytes.as_slice())).collect();
+    let answer = service.form(&parts).await;
+    assert_eq!(answer.status, StatusCode::CREATED, "{}", answer.json());
+    let dataset = answer.json();
+    assert_eq!((&dataset["format"], &dataset["name"]), (&"png".into(), &"ball".into()));
+    assert_eq!(dataset["dims"], serde_json::json!([16, 16, 16]));
+    let id = dataset["id"].as_str().unwrap().to_owned();
+    let whole =
+        service.put("/datasets/ball.nrrd", nrrd(0)).await.ok().json()["id"].as_str().unwrap().to_owned();
+    let again = service.form(&parts).await;
+    assert_eq!((again.status, again.json()), (StatusCode::OK, dataset));
+
+    // Read again from what was stored, after the volumes in memory are gone.
+    let Service { app, folder } = service;
+    drop(app);
+    let service = Service::in_folder(folder, |_| {});
+    let [of_slices, of_file] = [&id, &whole].map(|id| format!("/datasets/{id}/histogram"));
+    let expected = service.get(&of_file).await.ok().json();
+    // 2 and 10 would change places if names were sorted as text: other blocks would hold a value.
+    assert_eq!(service.get(&of_slices).await.ok().json(), expected);
+    let file = service.get(&format!("/datasets/{id}/scene")).await.ok().json();
+    assert_eq!(file["volume"]["dataset"], id.as_str());
+    service.delete(&format!("/datasets/{id}")).await.ok();
+    assert_eq!(service.stored_files().len(), 2, "the other dataset stays");
+}
+
+#[tokio::test]
+async fn slices_that_do_not_fit_together_are_refused_in_words() {
+    let service = Service::new();
+    let mut other = std::io::Cursor::new(Vec::new());
+    image::GrayImage::new(16, 8).write_to(&mut other, image::ImageFormat::Png).unwrap();
+    let parts: [(&str, &str, &[u8]); 2] =
+        [("file", "a1.png", &png_slice(3)), ("file", "a2.png", other.get_ref())];
+    let problem = service.form(&parts).await.problem(422);
+    assert!(problem.detail.contains("a2.png"), "{}", problem.detail);
+    let mixed: [(&str, &str, &[u8]); 2] =
+        [("file", "a1.png", &png_slice(3)), ("file", "a2.tif", other.get_ref())];
+    let problem = service.form(&mixed).await.problem(422);
+    assert!(problem.detail.contains("files of one kind"), "{}", problem.detail);
+    wait_until_stored(&service, 0).await;
+}
+
 #[tokio::test]
 async fn raw_files_are_described_by_a_query_or_a_sidecar() {
     let service = Service::new();
