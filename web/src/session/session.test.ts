@@ -19,7 +19,7 @@ const scene: SceneFile = {
   background: [0, 0, 0],
   scattering: { orders: "all" },
   illumination: { method: "local" },
-  sampling: { step_voxels: 0.5, samples_per_pixel: 8, skip_empty: true, termination_transmittance: 0.001, interpolation: "sampler" },
+  sampling: { step_voxels: 0.5, samples_per_pixel: 8, skip_empty: true, termination_transmittance: 0.001, interpolation: "sampler", segments: 4 },
   rendering: { mode: "volume", slice: { normal: [0, 0, 1], offset: 0 } },
   film: { exposure_stops: 0, tone_mapping: "neutral" },
   image: { width: 256, height: 256 },
