@@ -6,8 +6,8 @@ use std::sync::Arc;
 use anyhow::Context;
 use formats::{RawLayout, ReadOptions};
 use proto::SceneFile;
-use proto::scene_file::VolumeSource;
-use scene::{PreparedVolume, Scene, Volume};
+use proto::scene_file::{Light, VolumeSource};
+use scene::{EnvironmentImage, EnvironmentImages, PreparedVolume, Scene, Volume};
 use serde_json::Value;
 
 use crate::Refused;
@@ -15,11 +15,12 @@ use crate::Refused;
 /// Edge of a built-in volume whose scene names no size.
 const DEFAULT_BUILTIN_EDGE: u32 = 64;
 
-/// A scene file under edit, with the volume it names kept loaded.
+/// A scene file under edit, with the volume and the environment image it names kept loaded.
 pub struct SceneOnDisk {
     folder: PathBuf,
     json: Value,
     loaded: Option<(VolumeSource, Arc<PreparedVolume>)>,
+    images: EnvironmentImages,
 }
 
 impl SceneOnDisk {
@@ -30,7 +31,7 @@ impl SceneOnDisk {
         let json = serde_json::from_str(&text)
             .map_err(|error| Refused(format!("{}: not valid JSON: {error}", path.display())))?;
         let folder = path.parent().map_or_else(PathBuf::new, Path::to_path_buf);
-        Ok(Self { folder, json, loaded: None })
+        Ok(Self { folder, json, loaded: None, images: EnvironmentImages::new() })
     }
 
     /// Applies a JSON merge patch (RFC 7396; arrays are replaced whole).
@@ -74,9 +75,36 @@ impl SceneOnDisk {
                 volume
             }
         };
-        let scene = Scene::new(&file, volume).map_err(refused)?;
+        self.load_images(&file)?;
+        let scene = Scene::with_images(&file, volume, &self.images).map_err(refused)?;
         render::check(&scene).map_err(refused)?;
         Ok((file, scene))
+    }
+
+    /// Loads the environment images of lights that shine, and forgets those not named any more.
+    fn load_images(&mut self, file: &SceneFile) -> anyhow::Result<()> {
+        let mut images = EnvironmentImages::new();
+        for (index, light) in file.lights.iter().enumerate() {
+            let Light::Environment(light) = light else { continue };
+            let Some(name) = light.image.as_ref().filter(|_| light.enabled) else { continue };
+            let image = match self.images.get(name) {
+                Some(image) => image.clone(),
+                None => {
+                    let refused = |error: String| Refused(format!("lights[{index}].image: {error}"));
+                    let path = self.folder.join(name);
+                    let read = formats::read_environment(&path, &formats::Limits::default())
+                        .map_err(|error| refused(error.to_string()))?;
+                    for notice in &read.notices {
+                        eprintln!("tyndall: {name}: {notice}");
+                    }
+                    let image = EnvironmentImage::new(read.width, read.height, &read.rgb);
+                    Arc::new(image.map_err(|error| refused(error.to_string()))?)
+                }
+            };
+            images.insert(name.clone(), image);
+        }
+        self.images = images;
+        Ok(())
     }
 
     fn load(&self, source: &VolumeSource) -> anyhow::Result<Volume> {
