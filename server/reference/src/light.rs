@@ -94,17 +94,17 @@ impl Source {
             Shape::Directional { travel } => {
                 Some(Towards { w_i: -*travel, distance: f64::INFINITY, weight: self.power, pdf: None })
             }
-            Shape::Point { position } => self.from_point(*position - x, |_| 1.0),
+            Shape::Point { position } => self.towards_point(*position - x, |_| 1.0),
             Shape::Spot { position, axis, cos_inner, cos_outer } => {
-                self.from_point(*position - x, |w_i| cone(-w_i.dot(*axis), *cos_inner, *cos_outer))
+                self.towards_point(*position - x, |w_i| cone(-w_i.dot(*axis), *cos_inner, *cos_outer))
             }
             Shape::Rectangle { center, normal, half_edges: [a, b] } => {
                 let place = *center + (2.0 * uv[0] - 1.0) * *a + (2.0 * uv[1] - 1.0) * *b;
-                self.from_area(place - x, *normal, 4.0 * a.length() * b.length())
+                self.towards_area(place - x, *normal, 4.0 * a.length() * b.length())
             }
             Shape::Disk { center, normal, radius } => {
                 let ([a, b], (u, v)) = (frame::on_disk(uv), frame::tangents(*normal));
-                self.from_area(*center + *radius * (a * u + b * v) - x, *normal, PI * radius * radius)
+                self.towards_area(*center + *radius * (a * u + b * v) - x, *normal, PI * radius * radius)
             }
             Shape::Sphere { center, radius } => {
                 let cap = cap(*center - x, *radius)?;
@@ -130,14 +130,14 @@ impl Source {
         }
     }
 
-    fn from_point(&self, to_light: DVec3, share: impl Fn(DVec3) -> f64) -> Option<Towards> {
+    fn towards_point(&self, to_light: DVec3, share: impl Fn(DVec3) -> f64) -> Option<Towards> {
         let distance = to_light.length();
         let w_i = to_light.try_normalize()?;
         let weight = self.power * share(w_i) / (distance * distance);
         (weight != DVec3::ZERO).then_some(Towards { w_i, distance, weight, pdf: None })
     }
 
-    fn from_area(&self, to_light: DVec3, normal: DVec3, area: f64) -> Option<Towards> {
+    fn towards_area(&self, to_light: DVec3, normal: DVec3, area: f64) -> Option<Towards> {
         let distance = to_light.length();
         let w_i = to_light.try_normalize()?;
         let cosine = -w_i.dot(normal);

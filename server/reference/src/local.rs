@@ -27,7 +27,7 @@ const OPAQUE: f64 = 1e-14;
 /// Squared distance below which inverse-square falloff is held: part of the method's definition.
 const NEAREST_SQUARED: f64 = 1e-8;
 /// Places of the two-point Gauss rule in 0..1.
-const GAUSS: [f64; 2] = [0.211_324_865_405_187_12, 0.788_675_134_594_812_9];
+const GAUSS: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
 /// View angles and, along each axis, light directions of the reflectance under uniform light.
 const VIEWS: u32 = 32;
 const LIGHTS: u32 = 64;
@@ -276,4 +276,87 @@ fn uniform_reflectance(surface: &proto::scene_file::Brdf) -> DVec2 {
         }
     }
     (sum / f64::from(VIEWS * LIGHTS * LIGHTS)).clamp(DVec2::ZERO, DVec2::ONE)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use proto::SceneFile;
+    use scene::{PreparedVolume, Volume, Voxels};
+    use serde_json::json;
+
+    use super::*;
+    use crate::medium::Flight;
+    use crate::random::Random;
+
+    /// Noise with surfaces, emission, a step and every kind of light.
+    fn scene() -> Scene {
+        let mut random = Random::new(1, 1, 1);
+        let voxels = (0..180).map(|_| (256.0 * random.unit()) as u8).collect();
+        let volume = Volume::new([6, 5, 6], Voxels::U8(voxels));
+        let at = |s: f64, extinction: f64, albedo: [f64; 3], material: &str| json!({"s": s, "extinction": extinction, "albedo": albedo, "emission": [0.1, 0, 0.3], "material": material});
+        let file = json!({"version": 1, "volume": {"builtin": "homogeneous"},
+            "materials": {"soft": {"phase": {"type": "schlick", "k": 0.5}},
+                "hard": {"surface": 0.7, "brdf": {"type": "blinn_phong", "diffuse": 0.5, "specular": 0.3, "exponent": 12}}},
+            "transfer_function": {"points": [at(0.1, 0.0, [1.0, 0.5, 0.2], "soft"), at(0.4, 9.0, [0.6, 0.9, 0.3], "soft"),
+                at(0.4, 3.0, [0.2, 0.9, 0.9], "hard"), at(1.0, 40.0, [0.8, 0.5, 0.9], "hard")]},
+            "lights": [
+                {"type": "directional", "direction": [0.2, -1, 0.3], "irradiance": [2, 2, 2]},
+                {"type": "point", "position": [0.9, 0.2, 0.3], "intensity": [1, 2, 1]},
+                {"type": "spot", "position": [0, 1, 0], "direction": [0, -1, 0], "cone_degrees": [20, 30], "intensity": [1, 1, 1]},
+                {"type": "rectangle", "center": [0, 1, 0], "normal": [0, -1, 0], "up": [0, 0, 1], "size": [0.5, 0.7], "radiance": [5, 4, 5]},
+                {"type": "disk", "center": [-1, 0, 0], "normal": [1, 0, 0], "radius": 0.4, "radiance": [5, 5, 3]},
+                {"type": "sphere", "center": [1, 1, 1], "radius": 0.3, "radiance": [5, 5, 5]},
+                {"type": "environment", "radiance": [0.3, 0.4, 0.5]}],
+            "background": [0.1, 0.2, 0.3]});
+        let file = SceneFile::from_value(file).unwrap();
+        Scene::new(&file, Arc::new(PreparedVolume::new(volume, &|_| {}))).unwrap()
+    }
+
+    /// The quadrature against the light of random collisions on the same ray.
+    #[test]
+    fn quadrature_agrees_with_random_collisions() {
+        let scene = scene();
+        let tracer = LocalTracer::new(&scene).unwrap();
+        let mut random = Random::new(2, 2, 2);
+        for _ in 0..10 {
+            let origin = 2.0 * crate::frame::on_sphere(random.pair());
+            let target = 0.3 * crate::frame::on_sphere(random.pair());
+            let ray = Ray { origin, direction: (target - origin).normalize() };
+            let (mut sum, mut squares) = (DVec3::ZERO, DVec3::ZERO);
+            let count = 40_000;
+            for _ in 0..count {
+                let seen = match tracer.medium.flight(&ray, Way::View, &mut random) {
+                    Flight::Collision(t, s) => {
+                        let piece = tracer.medium.field.piece(s);
+                        tracer.source(ray.at(t), -ray.direction, piece, s)
+                    }
+                    _ => tracer.background,
+                };
+                sum += seen;
+                squares += seen * seen;
+            }
+            let mean = sum / f64::from(count);
+            let variance = (squares / f64::from(count) - mean * mean) / f64::from(count);
+            let exact = tracer.trace(ray);
+            let z = (mean - exact).abs() / variance.map(f64::sqrt);
+            assert!(z.max_element() < 4.5, "{mean} {exact} {z}");
+        }
+    }
+
+    #[test]
+    fn lambert_reflects_its_share_and_lobes_less_than_they_are_given() {
+        use proto::scene_file::{BlinnPhong, Brdf, Lambert};
+        let lambert = uniform_reflectance(&Brdf::Lambert(Lambert { diffuse: 0.6 }));
+        assert!((lambert - DVec2::new(0.6, 0.0)).length() < 1e-12, "{lambert}");
+        for exponent in [0.0, 5.0, 50.0] {
+            let surface = BlinnPhong { diffuse: 0.5, specular: 0.4, exponent };
+            let ours = uniform_reflectance(&Brdf::BlinnPhong(surface.clone()));
+            let material =
+                Material { surface: 1.0, brdf: Some(Brdf::BlinnPhong(surface)), ..Material::default() };
+            let theirs = scene::scattering::ambient_reflectance(&material);
+            assert!((ours - theirs).length() < 3e-3, "{exponent}: {ours} {theirs}");
+        }
+    }
 }

@@ -197,6 +197,36 @@ fn light_from_behind_a_surface_is_not_reflected() {
     }
 }
 
+/// The shaders' formulas are mirrored in `scene`; this crate wrote them anew.
+#[test]
+fn two_writings_of_one_formula_agree() {
+    let mut random = Random::new(8, 0, 0);
+    for _ in 0..2000 {
+        let n = crate::frame::on_sphere(random.pair());
+        let [w_i, w_o] = [0, 1].map(|_| {
+            let w = crate::frame::on_sphere(random.pair());
+            if w.dot(n) < 0.0 { -w } else { w }
+        });
+        // There cosines of the eye are held at 1e-4, which is no part of the formula.
+        if n.dot(w_o) < 1e-3 {
+            continue;
+        }
+        for surface in surfaces() {
+            let (ours, theirs) =
+                (brdf::value(&surface, n, w_i, w_o), scene::scattering::brdf(&surface, n, w_i, w_o));
+            assert!(
+                (ours - theirs).length() <= 1e-9 * (1.0 + theirs.length()),
+                "{surface:?} {ours} {theirs}"
+            );
+        }
+        for phase in phases() {
+            let (ours, theirs) =
+                (phase::value(&phase, w_i.dot(w_o)), scene::scattering::phase_function(&phase, w_i.dot(w_o)));
+            assert!((ours / theirs - 1.0).abs() < 1e-9, "{phase:?}");
+        }
+    }
+}
+
 /// A picture with a bright spot, a dark half and colours.
 fn picture() -> Arc<EnvironmentImage> {
     let (width, height) = (16, 8);
