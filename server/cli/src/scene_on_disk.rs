@@ -167,3 +167,35 @@ fn path_steps(path: &str) -> Vec<Step> {
     }
     steps
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two texels, without compression: 1, 2, 4 and black.
+    const PICTURE: &[u8] = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n\x20\x40\x80\x83\0\0\0\0";
+
+    fn opened(folder: &Path, image: &str) -> anyhow::Error {
+        let json = serde_json::json!({"version": 1, "volume": {"builtin": "homogeneous", "dims": [2, 2, 2]},
+            "lights": [{"type": "environment", "image": image}]});
+        std::fs::write(folder.join("scene.json"), json.to_string()).unwrap();
+        let mut scene = SceneOnDisk::read(&folder.join("scene.json")).unwrap();
+        let error = scene.scene().unwrap_err();
+        assert_eq!(scene.images.len(), usize::from(image == "sky.hdr"));
+        if let Some(image) = scene.images.get("sky.hdr") {
+            assert_eq!(image.texels(), [[1.0, 2.0, 4.0], [0.0; 3]]);
+        }
+        error
+    }
+
+    #[test]
+    fn environment_images_are_read_beside_the_scene_and_refused_by_the_method() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("sky.hdr"), PICTURE).unwrap();
+        let error = opened(folder.path(), "sky.hdr");
+        assert!(error.to_string().starts_with("lights[0].image: `local` cannot use"), "{error}");
+        let error = opened(folder.path(), "missing.hdr");
+        assert!(error.to_string().starts_with("lights[0].image: "), "{error}");
+        assert!(error.is::<Refused>());
+    }
+}

@@ -31,6 +31,15 @@ pub enum Transport {
     Local,
 }
 
+/// What a pixel shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Pixel {
+    /// The mean over its square.
+    Square,
+    /// The ray through its centre, to compare with a picture of one sample per pixel.
+    Center,
+}
+
 /// What to estimate, and how well.
 #[derive(Debug, Clone)]
 pub struct Request {
@@ -40,6 +49,8 @@ pub struct Request {
     pub height: u32,
     /// Which ways of light count.
     pub transport: Transport,
+    /// What a pixel shows.
+    pub pixel: Pixel,
     /// Equal seeds give equal pictures.
     pub seed: u64,
     /// Samples per pixel to end at, at least 2.
@@ -61,6 +72,7 @@ impl Request {
             width,
             height,
             transport: Transport::Full,
+            pixel: Pixel::Square,
             seed: 0,
             samples,
             time: None,
@@ -129,14 +141,14 @@ pub struct Estimate {
 
 /// Running moments of a pixel (Welford 1962).
 #[derive(Clone, Copy, Default)]
-struct Pixel {
+struct Moments {
     samples: u32,
     mean: DVec3,
     squares: DVec3,
     cut: f64,
 }
 
-impl Pixel {
+impl Moments {
     fn add(&mut self, traced: Traced) {
         self.samples += 1;
         let difference = traced.radiance - self.mean;
@@ -192,7 +204,7 @@ struct Painting<'a> {
 impl Painting<'_> {
     fn paint(&mut self) -> Estimate {
         let count = self.request.width as usize * self.request.height as usize;
-        let mut pixels = vec![Pixel::default(); count];
+        let mut pixels = vec![Moments::default(); count];
         let mut done = 0;
         // Passes grow with the samples there are; one that is broken off is dropped whole, so that
         // what counts depends on nothing but the number of samples.
@@ -234,7 +246,7 @@ impl Painting<'_> {
     }
 
     /// Adds `more` samples to pixels that have `done`.
-    fn pass(&self, pixels: &[Pixel], done: u32, more: u32) -> Result<Vec<Pixel>, Ended> {
+    fn pass(&self, pixels: &[Moments], done: u32, more: u32) -> Result<Vec<Moments>, Ended> {
         let width = self.request.width as usize;
         let mut next = pixels.to_vec();
         let error = relative_error(pixels).unwrap_or(0.0);
@@ -269,7 +281,10 @@ impl Painting<'_> {
     fn sample(&self, x: usize, y: usize, sample: u32) -> Traced {
         let pixel = (y * self.request.width as usize + x) as u64;
         let mut random = Random::new(self.request.seed, pixel, u64::from(sample));
-        let [u, v] = random.pair();
+        let [u, v] = match self.request.pixel {
+            Pixel::Square => random.pair(),
+            Pixel::Center => [0.5; 2],
+        };
         let place = [x as f64 + u, y as f64 + v];
         let ray = camera_ray(&self.scene.camera, place, self.request.width, self.request.height);
         match &self.integrator {
@@ -308,7 +323,7 @@ impl Painting<'_> {
 }
 
 /// Root mean square of the standard errors over that of the means; `None` for a black picture.
-fn relative_error(pixels: &[Pixel]) -> Option<f64> {
+fn relative_error(pixels: &[Moments]) -> Option<f64> {
     let variance: f64 = pixels.iter().map(|pixel| pixel.variance().element_sum()).sum();
     let squares: f64 = pixels.iter().map(|pixel| pixel.mean.length_squared()).sum();
     (squares > 0.0).then(|| (variance / squares).sqrt())

@@ -23,4 +23,4 @@ mod sampler_tests;
 mod scatter;
 pub mod statistics;
 
-pub use image::{Ended, Estimate, Progress, Report, Request, Transport, render};
+pub use image::{Ended, Estimate, Pixel, Progress, Report, Request, Transport, render};

@@ -22,7 +22,8 @@ pub struct ZTest {
     pub worst_at: [usize; 2],
     /// Of the worst z (Sidak over pixels and channels).
     pub p_worst: f64,
-    /// Sum of the z^2 of the worst channel, over the number of pixels; 1 is expected.
+    /// Mean of the z^2 of the worst channel; 1 is expected. Pixels that are equal and without
+    /// error in both pictures are left out.
     pub mean_square: f64,
     /// Of the sum of z^2 (chi-square; Bonferroni over channels).
     pub p_mean_square: f64,
@@ -62,15 +63,18 @@ pub fn z_test_image(a_mean: Pixels, a_se: Pixels, b_mean: Pixels, b_se: Pixels) 
     };
     for channel in 0..3 {
         let (mut sum_of_squares, mut difference_sum, mut variance_sum) = (0.0, 0.0, 0.0);
+        let mut uncertain = 0;
         for pixel in 0..count {
             let difference = a_mean[pixel][channel] - b_mean[pixel][channel];
-            let variance = a_se[pixel][channel].powi(2) + b_se[pixel][channel].powi(2) + rounding * rounding;
-            // Two black pixels agree; not a number agrees with nothing.
-            let z = match difference {
-                0.0 => 0.0,
-                d if d.is_nan() => f64::INFINITY,
-                d => d.abs() / variance.sqrt(),
-            };
+            let noise = a_se[pixel][channel].powi(2) + b_se[pixel][channel].powi(2);
+            // Pixels that are equal and certain, such as black ones, say nothing about the errors.
+            if difference == 0.0 && noise == 0.0 {
+                continue;
+            }
+            uncertain += 1;
+            let variance = noise + rounding * rounding;
+            // What is not a number agrees with nothing.
+            let z = if difference.is_nan() { f64::INFINITY } else { difference.abs() / variance.sqrt() };
             if z > test.worst_z {
                 (test.worst_z, test.worst_at) = (z, [pixel, channel]);
             }
@@ -78,13 +82,13 @@ pub fn z_test_image(a_mean: Pixels, a_se: Pixels, b_mean: Pixels, b_se: Pixels) 
             difference_sum += difference;
             variance_sum += variance;
         }
-        if count == 0 {
+        if uncertain == 0 {
             continue;
         }
-        let mean_square = sum_of_squares / count as f64;
+        let mean_square = sum_of_squares / f64::from(uncertain);
         if mean_square > test.mean_square {
             test.mean_square = mean_square;
-            test.p_mean_square = (3.0 * chi_square_p(sum_of_squares, count as f64)).min(1.0);
+            test.p_mean_square = (3.0 * chi_square_p(sum_of_squares, f64::from(uncertain))).min(1.0);
         }
         let mean_z = if difference_sum == 0.0 { 0.0 } else { difference_sum / variance_sum.sqrt() };
         if mean_z.is_nan() || mean_z.abs() > test.mean_z.abs() {

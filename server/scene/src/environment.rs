@@ -107,8 +107,51 @@ pub(crate) fn world_from_map([x, y, z]: [f64; 3]) -> DMat3 {
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
+    use proto::SceneFile;
+    use serde_json::json;
 
     use super::*;
+    use crate::changes::{Changes, LightChange};
+    use crate::scene::{Background, Scene};
+    use crate::{PreparedVolume, Volume, Voxels};
+
+    /// A scene lit by the image `sky`.
+    fn scene(light: serde_json::Value, sky: Option<&[f32]>) -> Result<Scene, proto::FieldError> {
+        let mut lights = vec![json!({"type": "environment", "image": "sky"})];
+        for (key, value) in light.as_object().unwrap() {
+            lights[0][key] = value.clone();
+        }
+        let file = json!({"version": 1, "volume": {"builtin": "homogeneous"}, "lights": lights,
+            "background": "environment"});
+        let volume = PreparedVolume::new(Volume::new([1; 3], Voxels::U8(vec![1])), &|_| {});
+        let image = sky.map(|rgb| ("sky".to_owned(), Arc::new(EnvironmentImage::new(1, 1, rgb).unwrap())));
+        let file = SceneFile::from_value(file).unwrap();
+        Scene::with_images(&file, Arc::new(volume), &image.into_iter().collect())
+    }
+
+    #[test]
+    fn scenes_need_the_images_of_lights_that_shine() {
+        assert_eq!(scene(json!({}), None).unwrap_err().field, "lights[0].image");
+        let off = scene(json!({"enabled": false}), None).unwrap();
+        assert!(off.lights.is_empty() && off.background == Background::Color(DVec3::ZERO));
+        let lit = scene(json!({"scale": 2.0}), Some(&[1.0, 2.0, 3.0])).unwrap();
+        assert_eq!(lit.lights[0].power, DVec3::splat(2.0));
+        assert!(matches!(lit.background, Background::Image { scale, .. } if scale == DVec3::splat(2.0)));
+    }
+
+    #[test]
+    fn another_image_is_a_change_the_same_one_loaded_again_is_none() {
+        let old = scene(json!({}), Some(&[1.0, 2.0, 3.0])).unwrap();
+        let same = scene(json!({}), Some(&[1.0, 2.0, 3.0])).unwrap();
+        assert!(Changes::between(&old, &same).is_empty());
+        let other = scene(json!({}), Some(&[1.0, 2.0, 4.0])).unwrap();
+        let changes = Changes::between(&old, &other);
+        assert!(changes.background && changes.lights == [("0".to_owned(), LightChange::Moved)]);
+        let turned = scene(json!({"rotation_degrees": [0, 90, 0]}), Some(&[1.0, 2.0, 3.0])).unwrap();
+        assert_eq!(Changes::between(&old, &turned).lights, [("0".to_owned(), LightChange::Moved)]);
+        let brighter = scene(json!({"scale": 2}), Some(&[1.0, 2.0, 3.0])).unwrap();
+        assert_eq!(Changes::between(&old, &brighter).lights, [("0".to_owned(), LightChange::Recolored)]);
+    }
 
     #[test]
     fn content_tells_images_apart() {

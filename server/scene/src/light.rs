@@ -102,7 +102,7 @@ impl Light {
                 (Some(radiance), _) => (LightGeometry::UniformEnvironment, radiance),
                 (None, name) => {
                     let image = name.as_ref().and_then(|name| images.get(name)).ok_or_else(|| {
-                        let message = "this image is not loaded; give a uniform `radiance` instead";
+                        let message = "no image of this name is loaded; give a uniform `radiance` instead";
                         proto::FieldError::new(format!("lights[{index}].image"), message)
                     })?;
                     let world_from_map = world_from_map(l.rotation_degrees.unwrap_or_default());
