@@ -4,9 +4,9 @@
 //! Between two crossings of the voxel grid the field is a polynomial; each such piece is cut into
 //! 32 parts, on which the field is taken as linear, and cut again where it passes control points
 //! of the transfer function. Extinction is then integrated exactly, and what is scattered by a
-//! two-point Gauss rule in the share of light that the part stops. With four times as many parts
-//! no picture of a built-in scene changes by more than a tenth of what a ray caster with a step
-//! of 1/16 voxel differs from it.
+//! two-point Gauss rule in the share of light that the part stops. The part's length is not
+//! what limits it: with four times as many parts, what a ray caster with a step of 1/16 voxel
+//! differs from it by changes by at most 3 % on the built-in scenes.
 
 use std::f64::consts::PI;
 

@@ -203,61 +203,65 @@ fn single_scattering_of_a_uniform_environment() {
     }
 }
 
-#[test]
-fn area_lights_are_many_point_lights() {
-    let center = DVec3::new(0.3, 0.9, 0.2);
+/// Rectangle, disk and sphere around a place, as JSON and as the light they scatter: the sum of
+/// that of small pieces, which are point lights that shine with the cosine.
+fn area_lights(center: DVec3, size: f64) -> [(serde_json::Value, f64); 3] {
     let normal = DVec3::new(-0.2, -0.9, 0.1).normalize();
     let up = (DVec3::Z - normal * normal.z).normalize();
     let across = up.cross(normal);
-    let phase = || closed_forms::henyey_greenstein(0.8, 0.5);
-    // Light of a small piece of a surface: a point light that shines with the cosine.
     let piece = |place: DVec3, normal: DVec3, area: f64| {
-        let scatter = |w_i: DVec3, w_o: DVec3| phase()(w_i, w_o) * (-w_i.dot(normal)).max(0.0);
+        let phase = closed_forms::henyey_greenstein(0.8, 0.5);
+        let scatter = |w_i: DVec3, w_o: DVec3| phase(w_i, w_o) * (-w_i.dot(normal)).max(0.0);
         CUBE.lit_by_point(oblique_ray(), (place, 4.0 * area), scatter)
     };
     let fine = 24;
-    let grid = || {
-        let middle = move |k: i32| (f64::from(k) + 0.5) / f64::from(fine);
-        (0..fine * fine).map(move |k| [middle(k / fine), middle(k % fine)])
+    let middle = |k: i32| (f64::from(k) + 0.5) / f64::from(fine);
+    // Mean over pieces from a grid in two parameters.
+    let mean = |piece: &dyn Fn(f64, f64) -> f64| {
+        (0..fine * fine).map(|k| piece(middle(k / fine), middle(k % fine))).sum::<f64>()
+            / f64::from(fine * fine)
     };
-    let share = 1.0 / f64::from(fine * fine);
-    let rectangle: f64 = grid()
-        .map(|[u, v]| piece(center + (u - 0.5) * 1.2 * across + (v - 0.5) * 0.4 * up, normal, 0.48 * share))
-        .sum();
-    let disk: f64 = grid()
-        .map(|[u, v]| {
-            let (sin, cos) = (2.0 * PI * v).sin_cos();
-            let place = center + 0.5 * u.sqrt() * (cos * across + sin * up);
-            piece(place, normal, PI * 0.25 * share)
-        })
-        .sum();
-    let sphere: f64 = grid()
-        .map(|[u, v]| {
-            let (z, (sin, cos)) = (1.0 - 2.0 * u, (2.0 * PI * v).sin_cos());
-            let outwards = DVec3::new((1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z);
-            piece(center + 0.3 * outwards, outwards, 4.0 * PI * 0.09 * share)
-        })
-        .sum();
-    let (center, normal, up) = (center.to_array(), normal.to_array(), up.to_array());
-    let lights = [
-        (
-            json!({"type": "rectangle", "center": center, "normal": normal, "up": up, "size": [1.2, 0.4], "radiance": [4, 4, 4]}),
-            rectangle,
-        ),
-        (
-            json!({"type": "disk", "center": center, "normal": normal, "radius": 0.5, "radiance": [4, 4, 4]}),
-            disk,
-        ),
-        (json!({"type": "sphere", "center": center, "radius": 0.3, "radiance": [4, 4, 4]}), sphere),
-    ];
-    for (light, expected) in lights {
+    let rectangle = mean(&|u, v| {
+        let place = center + size * ((u - 0.5) * 1.2 * across + (v - 0.5) * 0.4 * up);
+        piece(place, normal, 0.48 * size * size)
+    });
+    let disk = mean(&|u, v| {
+        let (sin, cos) = (2.0 * PI * v).sin_cos();
+        let place = center + size * 0.5 * u.sqrt() * (cos * across + sin * up);
+        piece(place, normal, PI * 0.25 * size * size)
+    });
+    let sphere = mean(&|u, v| {
+        let (z, (sin, cos)) = (1.0 - 2.0 * u, (2.0 * PI * v).sin_cos());
+        let outwards = DVec3::new((1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z);
+        piece(center + size * 0.3 * outwards, outwards, 4.0 * PI * 0.09 * size * size)
+    });
+    let light = |kind: &str, more: serde_json::Value| {
+        let mut light = json!({"type": kind, "center": center.to_array(), "radiance": [4, 4, 4]});
+        for (key, value) in more.as_object().unwrap() {
+            light[key] = value.clone();
+        }
+        light
+    };
+    let (normal, up) = (normal.to_array(), up.to_array());
+    let edges = [1.2 * size, 0.4 * size];
+    [
+        (light("rectangle", json!({"normal": normal, "up": up, "size": edges})), rectangle),
+        (light("disk", json!({"normal": normal, "radius": 0.5 * size})), disk),
+        (light("sphere", json!({"radius": 0.3 * size})), sphere),
+    ]
+}
+
+#[test]
+fn area_lights_are_many_point_lights_outside_of_matter_and_inside() {
+    let places = [(DVec3::new(0.3, 0.9, 0.2), 1.0), (DVec3::new(-0.2, 0.25, -0.3), 0.2)];
+    for (light, expected) in places.into_iter().flat_map(|(center, size)| area_lights(center, size)) {
         let scene = scene(
             &homogeneous(),
             json!({"transfer_function": matter(SIGMA, 0.8), "materials": henyey_greenstein(0.5),
                 "lights": [light], "camera": oblique_camera(), "scattering": {"orders": 1}}),
         );
         let wrong = [("light counted twice", 1.5 * expected)];
-        assert_agrees(&light.to_string(), &estimate(&scene, 2048), expected, &wrong);
+        assert_agrees(&light.to_string(), &estimate(&scene, 4096), expected, &wrong);
     }
 }
 

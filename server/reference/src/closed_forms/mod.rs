@@ -113,7 +113,7 @@ impl HomogeneousBox {
         weight * self.seen(origin, direction, |x| transmittance(self.sigma_t, self.way_out(x, -travel)))
     }
 
-    /// Single scattering of a point light outside of the box.
+    /// Single scattering of a point light, outside of the box or inside but not on the ray.
     pub fn lit_by_point(
         &self,
         (origin, direction): (DVec3, DVec3),
@@ -121,11 +121,11 @@ impl HomogeneousBox {
         scatter: impl Fn(DVec3, DVec3) -> f64,
     ) -> f64 {
         self.seen(origin, direction, |x| {
-            let to_light = position - x;
-            let w_i = to_light.normalize();
-            point_irradiance(intensity, to_light.length())
+            let distance = (position - x).length();
+            let w_i = (position - x) / distance;
+            point_irradiance(intensity, distance)
                 * scatter(w_i, -direction)
-                * transmittance(self.sigma_t, self.way_out(x, w_i))
+                * transmittance(self.sigma_t, self.way_out(x, w_i).min(distance))
         })
     }
 
