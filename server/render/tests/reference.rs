@@ -46,16 +46,17 @@ fn compare(drawn: Scene, judged: &Scene) -> Difference {
     difference(&picture, &exact, &truth.mean, &truth.standard_error)
 }
 
-/// Built-in scenes, and about twice the relative L2 difference seen on a software device. It comes from the
-/// ray caster's steps: with half of them, edges of labels and thin shells are half as far off,
-/// smooth matter a quarter.
+/// Built-in scenes, and about twice the relative L2 difference seen on a software device. It comes
+/// from the ray caster's steps: with half of them, shells are half as far off, smooth matter a
+/// quarter. Labels have sharp edges: a few pixels whose rays graze one make nearly all of their
+/// difference, and which ones do depends on the picture's size.
 const TOLERANCES: [(Builtin, f64); 6] = [
     (Builtin::Homogeneous, 1e-5),
     (Builtin::ThickBlob, 1e-4),
     (Builtin::SmokePlume, 1.2e-3),
     (Builtin::NestedShells, 0.009),
     (Builtin::Buckyball, 0.017),
-    (Builtin::CornellBox, 0.02),
+    (Builtin::CornellBox, 0.05),
 ];
 
 #[test]
