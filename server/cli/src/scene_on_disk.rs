@@ -6,8 +6,8 @@ use std::sync::Arc;
 use anyhow::Context;
 use formats::{RawLayout, ReadOptions};
 use proto::SceneFile;
-use proto::scene_file::VolumeSource;
-use scene::{PreparedVolume, Scene, Volume};
+use proto::scene_file::{Light, VolumeSource};
+use scene::{EnvironmentImage, EnvironmentImages, PreparedVolume, Scene, Volume};
 use serde_json::Value;
 
 use crate::Refused;
@@ -15,11 +15,12 @@ use crate::Refused;
 /// Edge of a built-in volume whose scene names no size.
 const DEFAULT_BUILTIN_EDGE: u32 = 64;
 
-/// A scene file under edit, with the volume it names kept loaded.
+/// A scene file under edit, with the volume and the environment image it names kept loaded.
 pub struct SceneOnDisk {
     folder: PathBuf,
     json: Value,
     loaded: Option<(VolumeSource, Arc<PreparedVolume>)>,
+    images: EnvironmentImages,
 }
 
 impl SceneOnDisk {
@@ -30,7 +31,7 @@ impl SceneOnDisk {
         let json = serde_json::from_str(&text)
             .map_err(|error| Refused(format!("{}: not valid JSON: {error}", path.display())))?;
         let folder = path.parent().map_or_else(PathBuf::new, Path::to_path_buf);
-        Ok(Self { folder, json, loaded: None })
+        Ok(Self { folder, json, loaded: None, images: EnvironmentImages::new() })
     }
 
     /// Applies a JSON merge patch (RFC 7396; arrays are replaced whole).
@@ -74,9 +75,36 @@ impl SceneOnDisk {
                 volume
             }
         };
-        let scene = Scene::new(&file, volume).map_err(refused)?;
+        self.load_images(&file)?;
+        let scene = Scene::with_images(&file, volume, &self.images).map_err(refused)?;
         render::check(&scene).map_err(refused)?;
         Ok((file, scene))
+    }
+
+    /// Loads the environment images of lights that shine, and forgets those not named any more.
+    fn load_images(&mut self, file: &SceneFile) -> anyhow::Result<()> {
+        let mut images = EnvironmentImages::new();
+        for (index, light) in file.lights.iter().enumerate() {
+            let Light::Environment(light) = light else { continue };
+            let Some(name) = light.image.as_ref().filter(|_| light.enabled) else { continue };
+            let image = match self.images.get(name) {
+                Some(image) => image.clone(),
+                None => {
+                    let refused = |error: String| Refused(format!("lights[{index}].image: {error}"));
+                    let path = self.folder.join(name);
+                    let read = formats::read_environment(&path, &formats::Limits::default())
+                        .map_err(|error| refused(error.to_string()))?;
+                    for notice in &read.notices {
+                        eprintln!("tyndall: {name}: {notice}");
+                    }
+                    let image = EnvironmentImage::new(read.width, read.height, &read.rgb);
+                    Arc::new(image.map_err(|error| refused(error.to_string()))?)
+                }
+            };
+            images.insert(name.clone(), image);
+        }
+        self.images = images;
+        Ok(())
     }
 
     fn load(&self, source: &VolumeSource) -> anyhow::Result<Volume> {
@@ -138,4 +166,36 @@ fn path_steps(path: &str) -> Vec<Step> {
         steps.extend(indices.map(Step::Index));
     }
     steps
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two texels, without compression: 1, 2, 4 and black.
+    const PICTURE: &[u8] = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n\x20\x40\x80\x83\0\0\0\0";
+
+    fn opened(folder: &Path, image: &str) -> anyhow::Error {
+        let json = serde_json::json!({"version": 1, "volume": {"builtin": "homogeneous", "dims": [2, 2, 2]},
+            "lights": [{"type": "environment", "image": image}]});
+        std::fs::write(folder.join("scene.json"), json.to_string()).unwrap();
+        let mut scene = SceneOnDisk::read(&folder.join("scene.json")).unwrap();
+        let error = scene.scene().unwrap_err();
+        assert_eq!(scene.images.len(), usize::from(image == "sky.hdr"));
+        if let Some(image) = scene.images.get("sky.hdr") {
+            assert_eq!(image.texels(), [[1.0, 2.0, 4.0], [0.0; 3]]);
+        }
+        error
+    }
+
+    #[test]
+    fn environment_images_are_read_beside_the_scene_and_refused_by_the_method() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("sky.hdr"), PICTURE).unwrap();
+        let error = opened(folder.path(), "sky.hdr");
+        assert!(error.to_string().starts_with("lights[0].image: `local` cannot use"), "{error}");
+        let error = opened(folder.path(), "missing.hdr");
+        assert!(error.to_string().starts_with("lights[0].image: "), "{error}");
+        assert!(error.is::<Refused>());
+    }
 }

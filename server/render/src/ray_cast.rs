@@ -81,7 +81,12 @@ impl Features {
         };
         let any_phase = |kind: fn(&Phase) -> bool| points.iter().any(|point| kind(&material(point).phase));
         let placed = |light: &scene::Light| {
-            !matches!(light.geometry, LightGeometry::Directional { .. } | LightGeometry::UniformEnvironment)
+            !matches!(
+                light.geometry,
+                LightGeometry::Directional { .. }
+                    | LightGeometry::UniformEnvironment
+                    | LightGeometry::Environment { .. }
+            )
         };
         Self {
             blinn_phong: any_surface(|brdf| matches!(brdf, Brdf::BlinnPhong(_))),

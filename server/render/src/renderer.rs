@@ -4,12 +4,14 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use glam::DVec3;
 use proto::FieldError;
 use proto::plan::{FrameReport, StageTime};
 use proto::scene_file::{Method, ToneMapping};
 use scene::distance::distance_map;
+use scene::light::LightGeometry;
 use scene::plan::{FilmPlan, Pass, Plan, SegmentsPlan, Target};
-use scene::{Rendering, Scene, Snapshot};
+use scene::{Background, Rendering, Scene, Snapshot};
 
 use crate::error::RenderError;
 use crate::film::ToneMapper;
@@ -133,8 +135,14 @@ pub struct Radiance {
 /// # Errors
 /// The field that asks for it.
 pub fn check(scene: &Scene) -> Result<(), FieldError> {
+    let image = |light: &&scene::Light| matches!(light.geometry, LightGeometry::Environment { .. });
     if METHODS_BUILT.contains(&scene.method) {
-        return Ok(());
+        let Some(light) = scene.lights.iter().find(image) else { return Ok(()) };
+        let message = format!(
+            "`{}` cannot use environment images; give a uniform `radiance` instead",
+            scene.method.name()
+        );
+        return Err(FieldError::new(format!("lights[{}].image", light.id), message));
     }
     let built: Vec<&str> = METHODS_BUILT.iter().map(|method| method.name()).collect();
     let message = format!("`{}` is not built yet; available: {}", scene.method.name(), built.join(", "));
@@ -680,6 +688,11 @@ fn frame_uniform(scene: &Scene, texture: &VolumeTexture, film: &FilmCache) -> Fr
     for (slot, (normal, offset)) in planes.iter_mut().zip(&scene.clip.planes) {
         *slot = normal.extend(*offset).as_vec4().to_array();
     }
+    let background = match scene.background {
+        Background::Color(color) => color,
+        // Only with an environment image as a light, which `check` refuses.
+        Background::Image { .. } => DVec3::ZERO,
+    };
     FrameUniform {
         eye: tables::vector(camera.eye),
         half_height: half_height as f32,
@@ -697,7 +710,7 @@ fn frame_uniform(scene: &Scene, texture: &VolumeTexture, film: &FilmCache) -> Fr
         plane_count: scene.clip.planes.len() as u32,
         clip_high: tables::vector(scene.grid.world_from_unit(scene.clip.bounds[1])),
         light_count: tables::lights(scene).len() as u32,
-        background: tables::vector(scene.background),
+        background: tables::vector(background),
         skip_empty: u32::from(scene.sampling.skip_empty),
         ambient: tables::vector(tables::ambient(scene)),
         point_count: scene.transfer_function.points.len() as u32,

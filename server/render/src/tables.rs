@@ -95,7 +95,8 @@ fn material(material: &scene::material::Material) -> uniforms::Material {
     }
 }
 
-/// Lights but the uniform environment, which is a single colour (see [`ambient`]).
+/// Lights but environments: a uniform one is a single colour (see [`ambient`]), images are refused
+/// (see [`crate::check`]).
 pub fn lights(scene: &Scene) -> Vec<uniforms::Light> {
     scene.lights.iter().filter_map(light).collect()
 }
@@ -109,7 +110,7 @@ pub fn ambient(scene: &Scene) -> DVec3 {
 fn light(light: &Light) -> Option<uniforms::Light> {
     let base = uniforms::Light { power: vector(light.power), ..uniforms::Light::default() };
     let table = match light.geometry {
-        LightGeometry::UniformEnvironment => return None,
+        LightGeometry::UniformEnvironment | LightGeometry::Environment { .. } => return None,
         LightGeometry::Directional { direction } => {
             uniforms::Light { kind: 0, direction: vector(direction), ..base }
         }

@@ -205,3 +205,15 @@ fn an_asymmetric_volume_lands_on_the_right_pixels() {
         );
     }
 }
+
+#[test]
+fn local_refuses_environment_images_by_name() {
+    let file =
+        common::scene_file(json!({"lights": [{"id": "dome", "type": "environment", "image": "sky.hdr"}]}));
+    let image = scene::EnvironmentImage::new(1, 1, &[1.0; 3]).unwrap();
+    let images = [("sky.hdr".to_owned(), std::sync::Arc::new(image))].into();
+    let scene = scene::Scene::with_images(&file, homogeneous([2; 3]), &images).unwrap();
+    let refused = render::check(&scene).unwrap_err();
+    assert_eq!(refused.field, "lights[dome].image");
+    assert!(refused.message.contains("`local`"), "{refused}");
+}

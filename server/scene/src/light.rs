@@ -1,8 +1,12 @@
 //! Light sources: where they are apart from how strong they are, so that a recoloured light is
 //! told apart from a moved one.
 
-use glam::DVec3;
+use std::sync::Arc;
+
+use glam::{DMat3, DVec3};
 use proto::scene_file as file;
+
+use crate::environment::{EnvironmentImage, EnvironmentImages, world_from_map};
 
 /// A light that shines: enabled and not black.
 #[derive(Debug, Clone, PartialEq)]
@@ -11,7 +15,8 @@ pub struct Light {
     pub id: String,
     /// Where it is and how it spreads.
     pub geometry: LightGeometry,
-    /// Linear RGB; irradiance (directional), radiant intensity (point, spot) or radiance (others).
+    /// Linear RGB; irradiance (directional), radiant intensity (point, spot), radiance (others), or
+    /// the factor of an environment image.
     pub power: DVec3,
 }
 
@@ -51,14 +56,23 @@ pub enum LightGeometry {
     },
     /// Uniform radiance from every direction.
     UniformEnvironment,
+    /// Radiance from every direction, seen in a picture; `world_from_map` rotates it.
+    Environment {
+        image: Arc<EnvironmentImage>,
+        world_from_map: DMat3,
+    },
 }
 
 impl Light {
     /// From the checked file form; `None` if the light is off or black.
     ///
     /// # Errors
-    /// Environment images are refused: no method can use them yet.
-    pub fn from_file(light: &file::Light, index: usize) -> Result<Option<Self>, proto::FieldError> {
+    /// An environment image that is not in `images`.
+    pub fn from_file(
+        light: &file::Light,
+        index: usize,
+        images: &EnvironmentImages,
+    ) -> Result<Option<Self>, proto::FieldError> {
         let v = DVec3::from_array;
         let unit = |a: [f64; 3]| v(a).normalize();
         let (geometry, power) = match light {
@@ -83,14 +97,17 @@ impl Light {
             file::Light::Sphere(l) => {
                 (LightGeometry::Sphere { center: v(l.center), radius: l.radius }, l.radiance)
             }
-            file::Light::Environment(l) => match l.radiance {
-                Some(radiance) => (LightGeometry::UniformEnvironment, radiance),
-                None if !l.enabled => return Ok(None),
-                None => {
-                    return Err(proto::FieldError::new(
-                        format!("lights[{index}].image"),
-                        "environment images are not built yet; give a uniform `radiance` instead",
-                    ));
+            file::Light::Environment(l) if !l.enabled => return Ok(None),
+            file::Light::Environment(l) => match (l.radiance, &l.image) {
+                (Some(radiance), _) => (LightGeometry::UniformEnvironment, radiance),
+                (None, name) => {
+                    let image = name.as_ref().and_then(|name| images.get(name)).ok_or_else(|| {
+                        let message = "no image of this name is loaded; give a uniform `radiance` instead";
+                        proto::FieldError::new(format!("lights[{index}].image"), message)
+                    })?;
+                    let world_from_map = world_from_map(l.rotation_degrees.unwrap_or_default());
+                    let geometry = LightGeometry::Environment { image: image.clone(), world_from_map };
+                    (geometry, [l.scale.unwrap_or(1.0); 3])
                 }
             },
         };

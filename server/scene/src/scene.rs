@@ -2,12 +2,13 @@
 
 use std::sync::Arc;
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use proto::FieldError;
-use proto::scene_file::{Background, Film, Filter, Method, Orders, Sampling, SceneFile};
+use proto::scene_file::{self as file, Film, Filter, Method, Orders, Sampling, SceneFile};
 
 use crate::camera::Camera;
 use crate::clip::Clip;
+use crate::environment::{EnvironmentImage, EnvironmentImages};
 use crate::grid::Grid;
 use crate::light::{Light, LightGeometry};
 use crate::material::Material;
@@ -36,8 +37,8 @@ pub struct Scene {
     pub camera: Camera,
     /// What is left out.
     pub clip: Clip,
-    /// Radiance seen where the volume is transparent, linear RGB.
-    pub background: DVec3,
+    /// What is seen where the volume is transparent.
+    pub background: Background,
     /// Scattering events a light path may have.
     pub orders: Orders,
     /// Illumination method.
@@ -52,6 +53,22 @@ pub struct Scene {
     pub film: Film,
 }
 
+/// What is seen where the volume is transparent.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Background {
+    /// One radiance everywhere, linear RGB; that of a uniform environment, too.
+    Color(DVec3),
+    /// The environment light's image.
+    Image {
+        /// Texels.
+        image: Arc<EnvironmentImage>,
+        /// Rotation of the image.
+        world_from_map: DMat3,
+        /// Factor of the texels, linear RGB.
+        scale: DVec3,
+    },
+}
+
 /// A scene at a moment of its history. Later snapshots have larger epochs.
 #[derive(Debug, Clone)]
 pub struct Snapshot {
@@ -62,24 +79,38 @@ pub struct Snapshot {
 }
 
 impl Scene {
-    /// Checks a scene file against the volume it names.
+    /// Checks a scene file against the volume it names. Environment images are refused; see
+    /// [`Scene::with_images`].
     ///
     /// # Errors
     /// The first field that is out of range or asks for what is not built yet.
     pub fn new(file: &SceneFile, volume: Arc<PreparedVolume>) -> Result<Self, FieldError> {
+        Self::with_images(file, volume, &EnvironmentImages::new())
+    }
+
+    /// Checks a scene file against the volume and the environment images it names.
+    ///
+    /// # Errors
+    /// The first field that is out of range, asks for what is not built yet, or names an image
+    /// that is not in `images`.
+    pub fn with_images(
+        file: &SceneFile,
+        volume: Arc<PreparedVolume>,
+        images: &EnvironmentImages,
+    ) -> Result<Self, FieldError> {
         file.validate()?;
         let (transfer_function, materials) = TransferFunction::from_file(file);
         let mut lights = Vec::with_capacity(file.lights.len());
         for (index, light) in file.lights.iter().enumerate() {
-            lights.extend(Light::from_file(light, index)?);
+            lights.extend(Light::from_file(light, index, images)?);
         }
         let camera = match &file.camera {
             Some(camera) => Camera::from_file(camera),
             None => Camera::from_file(&Camera::default_file(volume.volume.orientation.is_some())),
         };
         let background = match file.background {
-            Background::Color(color) => DVec3::from_array(color),
-            Background::Environment => uniform_environment(&lights),
+            file::Background::Color(color) => Background::Color(DVec3::from_array(color)),
+            file::Background::Environment => environment(&lights),
         };
         let value_range = file.value_range.unwrap_or(volume.range);
         let grid = Grid::new(volume.volume.dims, file.spacing.unwrap_or(volume.volume.spacing));
@@ -139,8 +170,16 @@ impl Scene {
     }
 }
 
-/// Radiance of the uniform environment light, black without one.
-fn uniform_environment(lights: &[Light]) -> DVec3 {
-    let environment = lights.iter().find(|l| l.geometry == LightGeometry::UniformEnvironment);
-    environment.map_or(DVec3::ZERO, |light| light.power)
+/// The environment light as a background, black without one.
+fn environment(lights: &[Light]) -> Background {
+    let shown = |light: &Light| match &light.geometry {
+        LightGeometry::UniformEnvironment => Some(Background::Color(light.power)),
+        LightGeometry::Environment { image, world_from_map } => Some(Background::Image {
+            image: image.clone(),
+            world_from_map: *world_from_map,
+            scale: light.power,
+        }),
+        _ => None,
+    };
+    lights.iter().find_map(shown).unwrap_or(Background::Color(DVec3::ZERO))
 }
