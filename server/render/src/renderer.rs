@@ -184,7 +184,8 @@ impl Renderer {
     /// What is not built, too large or out of memory; GPU errors. The view may be drawn again.
     pub fn draw(&mut self, view: &mut View, request: &DrawRequest<'_>) -> Result<Drawn, RenderError> {
         let began = Instant::now();
-        let snapshot = request.snapshot;
+        let snapshot = &centred(request.snapshot);
+        let request = &DrawRequest { snapshot, ..*request };
         let scene = &snapshot.scene;
         check(scene).map_err(RenderError::NotBuilt)?;
         let plan = Plan::new(&view.caches(), scene, request.target);
@@ -509,6 +510,15 @@ impl Renderer {
             .map(|(owner, bytes)| (owner.to_owned(), bytes))
             .into()
     }
+}
+
+/// The snapshot with the box of its voxels centred at the origin, where shaders expect it. From
+/// here on there is no other: each cache's snapshot is a centred one.
+fn centred(snapshot: &Arc<Snapshot>) -> Arc<Snapshot> {
+    if snapshot.scene.grid.center_world == glam::DVec3::ZERO {
+        return snapshot.clone();
+    }
+    Arc::new(Snapshot { epoch: snapshot.epoch, scene: snapshot.scene.centred() })
 }
 
 /// A lit scene whose matter has a surface or none, and emits or not.

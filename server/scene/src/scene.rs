@@ -82,7 +82,9 @@ impl Scene {
             Background::Environment => uniform_environment(&lights),
         };
         let value_range = file.value_range.unwrap_or(volume.range);
-        let grid = Grid::new(volume.volume.dims, file.spacing.unwrap_or(volume.volume.spacing));
+        let placement = &volume.placement;
+        let spacing = file.spacing.unwrap_or(placement.whole_spacing);
+        let grid = Grid::placed(volume.volume.dims, placement, spacing);
         Ok(Self {
             filter: file.volume.filter,
             grid,
@@ -91,7 +93,7 @@ impl Scene {
             materials,
             lights,
             camera,
-            clip: Clip::from_file(&file.clip),
+            clip: Clip::from_file(&file.clip, placement),
             background,
             orders: file.scattering.orders,
             method: file.illumination.method,
@@ -101,6 +103,23 @@ impl Scene {
             film: file.film.clone(),
             volume,
         })
+    }
+
+    /// This scene moved so that the box of its voxels is centred at the origin, as the renderer
+    /// takes it: everything that has a place moves along, so the picture is the same.
+    pub fn centred(&self) -> Self {
+        let offset = -self.grid.center_world;
+        let mut scene = self.clone();
+        scene.grid.center_world = DVec3::ZERO;
+        scene.camera.eye += offset;
+        scene.lights.iter_mut().for_each(|light| light.geometry.move_by(offset));
+        for (normal, height) in &mut scene.clip.planes {
+            *height += normal.dot(offset);
+        }
+        if let Rendering::Slice { normal, offset: height } = &mut scene.rendering {
+            *height += normal.dot(offset);
+        }
+        scene
     }
 
     /// The transfer function with what it refers to.

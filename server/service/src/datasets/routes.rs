@@ -9,6 +9,7 @@ use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use proto::rest::{Dataset, Histogram, Problem};
 use proto::scene_file::{Endian, SceneFile, VolumeSource, VoxelType};
+use scene::part::Wish;
 use scene::plan::Target;
 use scene::{PreparedVolume, Scene, Snapshot};
 use serde::Deserialize;
@@ -287,8 +288,8 @@ async fn draw_thumbnail(app: &Arc<App>, id: &str, path: std::path::PathBuf) -> A
     let (file, volume) = scene_and_volume(app, id).await?;
     let shared = app.clone();
     let snapshot = crate::blocking("preparing a thumbnail", move || {
-        shared.upload(&volume)?;
-        let scene = Scene::new(&file, volume)?;
+        let fitted = shared.fit(&volume, &Wish::of(&file.volume))?;
+        let scene = Scene::new(&file, fitted.volume)?;
         render::check(&scene)?;
         Ok::<_, Fault>(Arc::new(Snapshot { epoch: 1, scene }))
     })
