@@ -11,6 +11,7 @@ pub mod changes;
 pub mod clip;
 pub mod distance;
 pub mod grid;
+pub mod labels;
 pub mod levels;
 pub mod light;
 pub mod macrocells;
