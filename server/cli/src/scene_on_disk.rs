@@ -107,7 +107,7 @@ impl SceneOnDisk {
                 };
                 let fitted = fit(cache, whole, &wish, max_bytes, part_of)?;
                 if let Some(shown) = &fitted.shown {
-                    eprintln!("tyndall: the volume is {}", shown.notice);
+                    eprintln!("tyndall: volume: {}", shown.notice);
                 }
                 fitted
             }
