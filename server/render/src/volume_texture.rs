@@ -186,6 +186,7 @@ fn upload(gpu: &Gpu, prepared: &PreparedVolume) -> Result<VolumeTexture, RenderE
     })?;
     let slice_voxels = volume.dims[0] * volume.dims[1];
     let slices_per_chunk = (UPLOAD_CHUNK_BYTES / (slice_voxels * texel_bytes)).max(1);
+    let mut under_way = None;
     for first in (0..volume.dims[2]).step_by(slices_per_chunk) {
         let slices = slices_per_chunk.min(volume.dims[2] - first);
         let range = first * slice_voxels..(first + slices) * slice_voxels;
@@ -205,8 +206,13 @@ fn upload(gpu: &Gpu, prepared: &PreparedVolume) -> Result<VolumeTexture, RenderE
             },
             wgpu::Extent3d { width, height, depth_or_array_layers: slices as u32 },
         );
-        // Hands the staging memory of this chunk on before the next is filled.
-        gpu.queue.submit([]);
+        // Hands the staging memory of this chunk on before the next is filled, and waits for that
+        // of the one before.
+        let submitted = gpu.queue.submit([]);
+        if let Some(before) = under_way.replace(submitted) {
+            let wait = wgpu::PollType::Wait { submission_index: Some(before), timeout: None };
+            gpu.device.poll(wait).map_err(|error| RenderError::Gpu(error.to_string()))?;
+        }
     }
     gpu.take_error()?;
     let view = texture.create_view(&wgpu::TextureViewDescriptor::default());

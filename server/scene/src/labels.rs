@@ -98,21 +98,26 @@ fn fills_regions(volume: &Volume, labels: &[Label]) -> bool {
     }
     for row in (0..rows).step_by(stride) {
         let (y, z) = (row % ny, row / ny);
-        let mut before = volume.value(0, y, z);
-        for x in 1..nx {
+        for x in 0..nx {
             let value = volume.value(x, y, z);
-            if value != before {
-                unequal += 1;
-                next += u64::from(rank(value).abs_diff(rank(before)) == 1);
+            for [x, y, z] in [[x + 1, y, z], [x, y + 1, z], [x, y, z + 1]] {
+                if x == nx || y == ny || z == nz {
+                    continue;
+                }
+                let other = volume.value(x, y, z);
+                if value != other {
+                    unequal += 1;
+                    next += u64::from(rank(value).abs_diff(rank(other)) == 1);
+                }
+                if Some(value) != around && Some(other) != around {
+                    within += 1;
+                    equal += u64::from(value == other);
+                }
             }
-            if Some(value) != around && Some(before) != around {
-                within += 1;
-                equal += u64::from(value == before);
-            }
-            before = value;
         }
     }
-    equal as f64 >= MIN_EQUAL_SHARE * within as f64 && next as f64 <= MAX_NEXT_SHARE * unequal as f64
+    let mostly_equal = within > 0 && equal as f64 >= MIN_EQUAL_SHARE * within as f64;
+    mostly_equal && next as f64 <= MAX_NEXT_SHARE * unequal as f64
 }
 
 #[cfg(test)]
@@ -159,6 +164,8 @@ mod tests {
         assert_eq!(values(&volume(|p| 0.5 * atlas(p))), None, "values that are not whole");
         assert_eq!(values(&volume(|[x, y, z]| (x + 40.0 * y + 1600.0 * z) * 40.0)), None, "too many");
         assert_eq!(values(&volume(|_| 3.0)), None, "one value");
+        let column = Volume::new([1, 1, 50], Voxels::U8((0..50).map(|i| i * 5).collect()));
+        assert_eq!(values(&column), None, "each value once");
     }
 
     #[test]

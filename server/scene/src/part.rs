@@ -216,10 +216,10 @@ mod tests {
             for dims in [[1, 1, 1], [3, 200, 7]] {
                 for level in 0..9 {
                     let part = Part::of_region(dims, level, Some(region));
-                    for axis in 0..3 {
-                        let n = level_dims(dims, level)[axis];
+                    let level_dims = level_dims(dims, level);
+                    for (axis, n) in level_dims.into_iter().enumerate() {
                         assert!(part.low[axis] < part.high[axis] && part.high[axis] <= n, "{part:?}");
-                        let [low, high] = [region[0][axis], region[1][axis]].map(|unit| unit * n as f64);
+                        let [low, high] = region.map(|corner| corner[axis] * n as f64);
                         assert!(part.low[axis] as f64 <= low && part.high[axis] as f64 >= high);
                     }
                 }
