@@ -100,7 +100,8 @@ pub struct Dataset {
 pub struct ShownVolume {
     /// 0 is full resolution; each further level has half as many voxels along each axis.
     pub level: u32,
-    /// Voxels shown along x, y, z.
+    /// Voxels held along x, y, z; of a region, with two more on each side where there are any, which
+    /// its borders need.
     pub dims: [u32; 3],
     /// Voxels of the whole volume at full resolution.
     pub whole_dims: [u32; 3],

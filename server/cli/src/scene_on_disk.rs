@@ -94,9 +94,9 @@ impl SceneOnDisk {
         max_bytes: u64,
     ) -> anyhow::Result<Scene> {
         let wish = Wish::of(&file.volume);
-        let whole = &scene.volume;
+        let whole = scene.volume.clone();
         let known = self.fitted.take().filter(|(held, of, fitted)| {
-            Arc::ptr_eq(of, whole) && held.same_voxels(&wish, fitted.volume.placement.level)
+            Arc::ptr_eq(of, &whole) && held.same_voxels(&wish, fitted.volume.placement.level)
         });
         let fitted = match known {
             Some((_, _, fitted)) => fitted,
@@ -105,7 +105,7 @@ impl SceneOnDisk {
                 let part_of = |part: &Part| -> Result<_, RenderError> {
                     Ok(Arc::new(whole.part(part, wish.region, reduction)))
                 };
-                let fitted = fit(cache, whole, &wish, max_bytes, part_of)?;
+                let fitted = fit(cache, &whole, &wish, max_bytes, part_of)?;
                 if let Some(shown) = &fitted.shown {
                     eprintln!("tyndall: volume: {}", shown.notice);
                 }
@@ -113,8 +113,8 @@ impl SceneOnDisk {
             }
         };
         let volume = fitted.volume.clone();
-        self.fitted = Some((wish, whole.clone(), fitted));
-        Scene::new(file, volume).map_err(|error| Refused(error.to_string()).into())
+        self.fitted = Some((wish, whole, fitted));
+        Ok(scene.with_part(file, volume))
     }
 
     fn load(&self, source: &VolumeSource) -> anyhow::Result<Volume> {

@@ -167,8 +167,17 @@ fn a_clip_box_and_a_region_keep_what_both_keep() {
     let held = part(&whole, 0, Some(REGION), Filter::Linear);
     let inner = json!([[0.3, 0.2, 0.2], [0.5, 0.6, 0.9]]);
     let both = json!([[0.3, 0.31, 0.2], [0.5, 0.6, 0.62]]);
+    let again = {
+        let file = common::scene_file(lit(json!({"clip": {"box": both}})));
+        let scene = Scene::new(&file, whole.clone()).unwrap().with_part(&file, held.clone());
+        image(&Arc::new(Snapshot { epoch: 1, scene }))
+    };
     let with_box = |bounds: Value| lit(json!({"clip": {"box": bounds}}));
-    let a = image(&snapshot(&whole, with_box(both), Filter::Linear, 1));
+    let a = image(&snapshot(&whole, with_box(both.clone()), Filter::Linear, 1));
+    assert!(
+        again == image(&snapshot(&held, with_box(both), Filter::Linear, 1)),
+        "a scene with its part exchanged"
+    );
     let b = image(&snapshot(&held, with_box(inner), Filter::Linear, 1));
     assert_same(&a, &b, SAME, "clip box across the region's border");
     let beside = image(&snapshot(&held, with_box(json!([[0.8, 0, 0], [1, 1, 1]])), Filter::Linear, 1));

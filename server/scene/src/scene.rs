@@ -82,9 +82,7 @@ impl Scene {
             Background::Environment => uniform_environment(&lights),
         };
         let value_range = file.value_range.unwrap_or(volume.range);
-        let placement = &volume.placement;
-        let spacing = file.spacing.unwrap_or(placement.whole_spacing);
-        let grid = Grid::placed(volume.volume.dims, placement, spacing);
+        let (grid, clip) = place(file, &volume);
         Ok(Self {
             filter: file.volume.filter,
             grid,
@@ -93,7 +91,7 @@ impl Scene {
             materials,
             lights,
             camera,
-            clip: Clip::from_file(&file.clip, placement),
+            clip,
             background,
             orders: file.scattering.orders,
             method: file.illumination.method,
@@ -103,6 +101,12 @@ impl Scene {
             film: file.film.clone(),
             volume,
         })
+    }
+
+    /// This scene, made from the same file, with another part of its volume.
+    pub fn with_part(self, file: &SceneFile, part: Arc<PreparedVolume>) -> Self {
+        let (grid, clip) = place(file, &part);
+        Self { volume: part, grid, clip, ..self }
     }
 
     /// This scene moved so that the box of its voxels is centred at the origin, as the renderer
@@ -156,6 +160,13 @@ impl Scene {
     pub fn step_world(&self) -> f64 {
         self.sampling.step_voxels * self.grid.smallest_voxel_edge_world()
     }
+}
+
+/// Where the voxels held lie in the world, and what of their box is kept.
+fn place(file: &SceneFile, volume: &PreparedVolume) -> (Grid, Clip) {
+    let placement = &volume.placement;
+    let spacing = file.spacing.unwrap_or(placement.whole_spacing);
+    (Grid::placed(volume.volume.dims, placement, spacing), Clip::from_file(&file.clip, placement))
 }
 
 /// Radiance of the uniform environment light, black without one.

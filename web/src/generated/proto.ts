@@ -732,7 +732,8 @@ export type ShownVolume = {
  */
 level: number, 
 /**
- * Voxels shown along x, y, z.
+ * Voxels held along x, y, z; of a region, with two more on each side where there are any, which
+ * its borders need.
  */
 dims: [number, number, number], 
 /**

@@ -26,7 +26,7 @@ const THUMBNAIL_SIZE: (u32, u32) = (192, 144);
 /// Most samples per pixel of a thumbnail.
 const THUMBNAIL_SAMPLES: u32 = 4;
 /// Changes whenever thumbnails drawn before should be drawn again.
-const THUMBNAIL_VERSION: &str = concat!("1-", env!("CARGO_PKG_VERSION"));
+const THUMBNAIL_VERSION: &str = concat!("2-", env!("CARGO_PKG_VERSION"));
 /// What follows from a dataset's content alone may be kept, but is asked for again: a newer
 /// version of the service may see it differently.
 const REVALIDATE: &str = "private, no-cache";
