@@ -9,7 +9,7 @@ use ts_rs::TS;
 use utoipa::ToSchema;
 
 use crate::plan::FrameReport;
-use crate::rest::DeviceInfo;
+use crate::rest::{DeviceInfo, ShownVolume};
 use crate::scene_file::{Camera, SceneFile};
 
 /// Version of the control protocol; the first message of either side carries it.
@@ -83,6 +83,10 @@ pub enum ServerMessage {
         scene: Box<SceneFile>,
         /// What the scene's volume is.
         dataset: Option<Box<crate::rest::Dataset>>,
+        /// What is shown of the volume; absent: the whole of it at full resolution.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[ts(optional)]
+        shown: Option<Box<ShownVolume>>,
         /// What renders.
         device: DeviceInfo,
     },
@@ -94,6 +98,10 @@ pub enum ServerMessage {
         seq: u32,
         /// The whole scene.
         scene: Box<SceneFile>,
+        /// What is shown of its volume; absent: the whole of it at full resolution.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[ts(optional)]
+        shown: Option<Box<ShownVolume>>,
     },
     /// An input was refused; the scene is unchanged.
     Rejected {

@@ -94,6 +94,24 @@ pub struct Dataset {
     pub attribution: Option<String>,
 }
 
+/// What is shown of a volume, where that is not the whole of it at full resolution.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, TS, ToSchema)]
+#[ts(optional_fields)]
+pub struct ShownVolume {
+    /// 0 is full resolution; each further level has half as many voxels along each axis.
+    pub level: u32,
+    /// Voxels held along x, y, z; of a region, with two more on each side where there are any, which
+    /// its borders need.
+    pub dims: [u32; 3],
+    /// Voxels of the whole volume at full resolution.
+    pub whole_dims: [u32; 3],
+    /// The box that is shown, in 0..1 coordinates of the whole volume; absent: all of it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub region: Option<[[f64; 3]; 2]>,
+    /// What is shown and why, in words.
+    pub notice: String,
+}
+
 /// `GET /api/v1/datasets/{id}/histogram`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, TS, ToSchema)]
 pub struct Histogram {
@@ -188,6 +206,7 @@ pub struct ProbeHit {
 
 /// A session: a scene with its caches.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, TS, ToSchema)]
+#[ts(optional_fields)]
 pub struct Session {
     /// Identifier.
     pub id: String,
@@ -200,4 +219,7 @@ pub struct Session {
     pub created_unix_millis: u64,
     /// The newest scene, camera filled in.
     pub scene: SceneFile,
+    /// What is shown of the volume; absent: the whole of it at full resolution.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shown: Option<ShownVolume>,
 }

@@ -90,6 +90,10 @@ pub mod limits {
     pub const MAX_VOLUME_EDGE: u32 = 2048;
     /// Most segments a view ray is kept in.
     pub const MAX_SEGMENTS: u32 = 32;
+    /// Coarsest level of a volume that can be asked for.
+    pub const MAX_LEVEL: u32 = 16;
+    /// Shortest edge of a region, share of the volume's edge.
+    pub const MIN_REGION_EDGE: f64 = 1e-6;
     /// Opacity is clamped to this before it becomes an extinction.
     pub const MAX_OPACITY: f64 = 0.9999;
     /// Reference length, world units, of an opacity: `extinction = -ln(1 - opacity) / 0.01`.
@@ -131,6 +135,14 @@ pub struct VolumeSource {
     /// Which volume or component of a file that holds several, default 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub index: Option<u32>,
+    /// Finest level shown: 0, the default, is full resolution, each further one has half as many
+    /// voxels along each axis. A coarser one is shown where this one does not fit the device.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub level: Option<u32>,
+    /// Shows only this box, lower and upper corner in 0..1 coordinates of the whole volume, in the
+    /// finest level in which it fits. It keeps its place in the world.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub region: Option<[[f64; 3]; 2]>,
 }
 
 /// Interpolation of data values between voxel centres.

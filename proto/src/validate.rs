@@ -75,7 +75,20 @@ fn volume(volume: &VolumeSource) -> Checked {
     }
     require("volume.dims", volume.dims.is_none() || volume.dataset.is_none(), || {
         "a dataset has its own size".into()
-    })
+    })?;
+    if let Some(level) = volume.level {
+        within("volume.level", f64::from(level), 0.0, f64::from(MAX_LEVEL))?;
+    }
+    if let Some([low, high]) = &volume.region {
+        each("volume.region[0]", low, 0.0, 1.0)?;
+        each("volume.region[1]", high, 0.0, 1.0)?;
+        for axis in 0..3 {
+            require(&format!("volume.region[1][{axis}]"), high[axis] - low[axis] >= MIN_REGION_EDGE, || {
+                "must be above the lower corner".into()
+            })?;
+        }
+    }
+    Ok(())
 }
 
 fn transfer_function(scene: &SceneFile) -> Checked {

@@ -22,7 +22,7 @@ fn with(patch: serde_json::Value) -> serde_json::Value {
 fn reads_every_key_of_the_contract() {
     let text = r#"{
       "version": 1,
-      "volume": {"file": "engine.raw", "filter": "nearest", "dims": [4,5,6], "type": "uint16", "endian": "big", "header_bytes": 7, "index": 1},
+      "volume": {"file": "engine.raw", "filter": "nearest", "dims": [4,5,6], "type": "uint16", "endian": "big", "header_bytes": 7, "index": 1, "level": 2, "region": [[0,0.25,0.5],[1,0.5,1]]},
       "value_range": [0, 255], "spacing": [1, 1, 2], "density": 1.5,
       "transfer_function": {"points": [
         {"s": 0.0, "extinction": 0.0, "albedo": [1,1,1], "emission": [0,0,0], "material": "default"},
@@ -63,7 +63,11 @@ fn opacity_becomes_extinction_as_the_contract_says() {
 #[test]
 fn errors_name_the_field() {
     let point = |p| with(json!({"transfer_function": {"points": [{"s": 0, "extinction": 0}, p]}}));
+    let region = |r| with(json!({"volume": {"builtin": "pillars", "region": r}}));
     let cases = [
+        (region(json!([[0, 0, 0], [1, 1, 1.5]])), "volume.region[1][2]: must be from 0 to 1, got 1.5"),
+        (region(json!([[0, 0.5, 0], [1, 0.5, 1]])), "volume.region[1][1]: must be above the lower corner"),
+        (with(json!({"volume": {"builtin": "pillars", "level": 99}})), "volume.level: must be from 0 to 16"),
         (
             point(json!({"s": 1, "extinction": -1})),
             "transfer_function.points[1].extinction: must be finite and >= 0",

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use proto::SceneFile;
 use proto::scene_file::limits::MAX_IMAGE_EDGE;
+use render::fit::DEFAULT_MAX_TEXTURE_BYTES;
 use render::{AdapterPolicy, DrawRequest, Drawn, Gpu, Renderer, View, still};
 use scene::plan::Target;
 use scene::{Scene, Snapshot};
@@ -48,6 +49,9 @@ pub struct Arguments {
     /// region keeps.
     #[arg(long, value_name = "STATS.json")]
     stats: Option<PathBuf>,
+    /// Largest volume on the GPU, bytes; a larger one is drawn at a coarser level, with a notice.
+    #[arg(long, value_name = "N", default_value_t = DEFAULT_MAX_TEXTURE_BYTES)]
+    max_texture_bytes: u64,
     /// Prints the plan of each picture: every pass, whether it runs, and why not.
     #[arg(long)]
     explain: bool,
@@ -99,12 +103,16 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     // Without edits nothing is kept for them.
     let view = if edits.is_empty() { View::new() } else { View::for_edits() };
     let mut session = Session { renderer: Renderer::new(gpu)?, view, epoch: 0, arguments };
+    let volumes = session.renderer.volumes().clone();
+    let most = arguments.max_texture_bytes;
+    let scene = disk.fit(&file, scene, &volumes, most)?;
     let initial = session.draw(&file, scene, "scene")?;
     let mut reports = Vec::new();
     for (index, patch) in edits.iter().enumerate() {
         disk.merge(patch);
         let name = arguments.edit[index].display().to_string();
         let (file, scene) = disk.scene().with_context(|| format!("--edit {name}"))?;
+        let scene = disk.fit(&file, scene, &volumes, most)?;
         reports.push(session.draw(&file, scene, &name)?);
     }
     session.write(output, &arguments.out)?;

@@ -7,6 +7,10 @@ use anyhow::Context;
 use formats::{RawLayout, ReadOptions};
 use proto::SceneFile;
 use proto::scene_file::{Light, VolumeSource};
+use render::fit::{Fitted, fit};
+use render::{RenderError, VolumeCache};
+use scene::levels::Reduction;
+use scene::part::{Part, Wish};
 use scene::{EnvironmentImage, EnvironmentImages, PreparedVolume, Scene, Volume};
 use serde_json::Value;
 
@@ -21,6 +25,7 @@ pub struct SceneOnDisk {
     json: Value,
     loaded: Option<(VolumeSource, Arc<PreparedVolume>)>,
     images: EnvironmentImages,
+    fitted: Option<(Wish, Arc<PreparedVolume>, Fitted)>,
 }
 
 impl SceneOnDisk {
@@ -31,7 +36,7 @@ impl SceneOnDisk {
         let json = serde_json::from_str(&text)
             .map_err(|error| Refused(format!("{}: not valid JSON: {error}", path.display())))?;
         let folder = path.parent().map_or_else(PathBuf::new, Path::to_path_buf);
-        Ok(Self { folder, json, loaded: None, images: EnvironmentImages::new() })
+        Ok(Self { folder, json, loaded: None, images: EnvironmentImages::new(), fitted: None })
     }
 
     /// Applies a JSON merge patch (RFC 7396; arrays are replaced whole).
@@ -107,6 +112,39 @@ impl SceneOnDisk {
         Ok(())
     }
 
+    /// A scene of as much of the volume as it asks for and as the device can show; what is missing
+    /// is said on the error output.
+    pub fn fit(
+        &mut self,
+        file: &SceneFile,
+        scene: Scene,
+        cache: &VolumeCache,
+        max_bytes: u64,
+    ) -> anyhow::Result<Scene> {
+        let wish = Wish::of(&file.volume);
+        let whole = scene.volume.clone();
+        let known = self.fitted.take().filter(|(held, of, fitted)| {
+            Arc::ptr_eq(of, &whole) && held.same_voxels(&wish, fitted.volume.placement.level)
+        });
+        let fitted = match known {
+            Some((_, _, fitted)) => fitted,
+            None => {
+                let reduction = Reduction::of(wish.filter);
+                let part_of = |part: &Part| -> Result<_, RenderError> {
+                    Ok(Arc::new(whole.part(part, wish.region, reduction)))
+                };
+                let fitted = fit(cache, &whole, &wish, max_bytes, part_of)?;
+                if let Some(shown) = &fitted.shown {
+                    eprintln!("tyndall: volume: {}", shown.notice);
+                }
+                fitted
+            }
+        };
+        let volume = fitted.volume.clone();
+        self.fitted = Some((wish, whole, fitted));
+        Ok(scene.with_part(file, volume))
+    }
+
     fn load(&self, source: &VolumeSource) -> anyhow::Result<Volume> {
         if let Some(builtin) = source.builtin {
             let dims = source.dims.unwrap_or([DEFAULT_BUILTIN_EDGE; 3]).map(|n| n as usize);
@@ -144,9 +182,9 @@ fn raw_layout(source: &VolumeSource) -> Result<Option<RawLayout>, Refused> {
     }))
 }
 
-/// Whether two sources name the same voxels (the filter may differ).
+/// Whether two sources name the same voxels (how they are shown may differ).
 fn same_voxels(a: &VolumeSource, b: &VolumeSource) -> bool {
-    VolumeSource { filter: b.filter, ..a.clone() } == *b
+    VolumeSource { filter: b.filter, level: b.level, region: b.region, ..a.clone() } == *b
 }
 
 enum Step {

@@ -41,8 +41,8 @@ pub(crate) fn stored_range(voxels: &Voxels) -> [f64; 2] {
 }
 
 /// Describes an imported file: `format`, `dims`, `spacing`, `spacing_unit`, `type` (the file's),
-/// `stored_type` (in memory), `range` (data values), `orientation` (`null` if none), `choices`,
-/// `choice_names`, `notices`. Dims, spacing and orientation are those after reordering.
+/// `stored_type` (in memory), `range` (data values), `labels` (of a label volume, else `null`),
+/// `orientation` (`null` if none), `choices`, `choice_names`, `notices`. Dims, spacing and orientation are those after reordering.
 pub fn describe(imported: &Imported) -> Value {
     let volume = &imported.volume;
     let orientation = volume.orientation.map(|orientation| {
@@ -60,6 +60,9 @@ pub fn describe(imported: &Imported) -> Value {
         "type": type_name(imported.file_type),
         "stored_type": type_name(volume.voxels.voxel_type()),
         "range": data_range(volume),
+        "labels": scene::labels::labels(volume).map(|labels| {
+            labels.iter().map(|label| label.value).collect::<Vec<f64>>()
+        }),
         "slope": volume.slope,
         "intercept": volume.intercept,
         "orientation": orientation,

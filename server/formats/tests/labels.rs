@@ -24,3 +24,19 @@ fn label_volumes_are_noticed() {
     assert_eq!(data(&imported), values(VoxelType::Uint8, 60));
     assert_eq!(encode(&data(&imported), VoxelType::Uint8, Endian::Little), voxels);
 }
+
+#[test]
+fn label_volumes_are_told_from_scans_by_their_voxels() {
+    let Some(folder) = shared_data("labels of shared label volumes and scans") else { return };
+    let labels = |file: &str| {
+        let found = scene::labels::labels(&read(&folder.join(file)).unwrap().volume);
+        found.map(|labels| labels.iter().map(|label| label.value).collect::<Vec<f64>>())
+    };
+    assert_eq!(labels("pyradiomics_nrrd/brain1_label.nrrd"), Some(vec![0.0, 1.0]));
+    let cells = labels("tiff/mask3d.tif").unwrap();
+    assert_eq!((cells.len(), cells[0], cells[51]), (52, 0.0, 162.0));
+    assert_eq!(labels("vti/frog_tissues.vti").map(|tissues| tissues.len()), Some(26));
+    // 64 whole numbers, each a slab of its own beside the next: a ramp.
+    assert_eq!(labels("nifti/minimal.nii.gz"), None);
+    assert_eq!(labels("pyradiomics_nrrd/brain1_image.nrrd"), None);
+}

@@ -93,7 +93,8 @@ fn descriptions_hold_what_the_command_prints() {
     let expected = serde_json::json!({
         "format": "nrrd", "dims": [5, 4, 3], "spacing": [0.1, 1.0 / 3.0, 7.25],
         "spacing_unit": "mm", "type": "int16", "stored_type": "int16", "range": [-47.0, 2136.0],
-        "slope": 1.0, "intercept": 0.0, "orientation": null, "choices": 1, "choice_names": [], "notices": []
+        "slope": 1.0, "intercept": 0.0, "orientation": null, "choices": 1, "choice_names": [], "labels": null,
+        "notices": []
     });
     assert_eq!(json, expected);
 }

@@ -6,6 +6,10 @@ use proto::rest::DeviceInfo;
 
 use crate::error::RenderError;
 
+/// Allocations fail cleanly beyond this share of the memory that the driver says is there, percent:
+/// drivers, and systems that lend the software device their memory, fail worse when it is gone.
+const MEMORY_SHARE_PERCENT: u8 = 90;
+
 /// Which adapters may be used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AdapterPolicy {
@@ -44,6 +48,7 @@ impl Gpu {
     pub fn open(policy: AdapterPolicy) -> Result<Arc<Self>, RenderError> {
         let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
         descriptor.backends = wgpu::Backends::VULKAN;
+        descriptor.memory_budget_thresholds.for_resource_creation = Some(MEMORY_SHARE_PERCENT);
         let instance = wgpu::Instance::new(descriptor);
         let mut adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::VULKAN));
         adapters.sort_by_key(|adapter| match adapter.get_info().device_type {

@@ -5,6 +5,7 @@
 
 mod error;
 mod film;
+pub mod fit;
 mod gpu;
 mod ray_cast;
 mod renderer;

@@ -200,10 +200,11 @@ impl Renderer {
     /// What is not built, too large or out of memory; GPU errors. The view may be drawn again.
     pub fn draw(&mut self, view: &mut View, request: &DrawRequest<'_>) -> Result<Drawn, RenderError> {
         let began = Instant::now();
-        let snapshot = request.snapshot;
+        let snapshot = &centred(request.snapshot);
+        let request = &DrawRequest { snapshot, ..*request };
         let scene = &snapshot.scene;
         check(scene).map_err(RenderError::NotBuilt)?;
-        let plan = self.plan(view, scene, request.target);
+        let plan = self.plan_centred(view, scene, request.target);
         let mut stages = Stages::default();
         self.bring_tables_up_to_date(view, snapshot, &plan, &mut stages)?;
         self.bring_film_to(view, snapshot, request.target, &plan)?;
@@ -225,7 +226,11 @@ impl Renderer {
     }
 
     /// What drawing would do now.
-    pub fn plan(&self, view: &View, scene: &Scene, target: Target) -> Plan {
+    pub fn plan(&self, view: &View, snapshot: &Arc<Snapshot>, target: Target) -> Plan {
+        self.plan_centred(view, &centred(snapshot).scene, target)
+    }
+
+    fn plan_centred(&self, view: &View, scene: &Scene, target: Target) -> Plan {
         Plan::new(&view.caches(scene, target, self.gpu.max_binding_bytes()), scene, target)
     }
 
@@ -580,6 +585,15 @@ impl Renderer {
             .map(|(owner, bytes)| (owner.to_owned(), bytes))
             .into()
     }
+}
+
+/// The snapshot with the box of its voxels centred at the origin, where shaders expect it. From
+/// here on there is no other: each cache's snapshot is a centred one.
+fn centred(snapshot: &Arc<Snapshot>) -> Arc<Snapshot> {
+    if snapshot.scene.grid.center_world == glam::DVec3::ZERO {
+        return snapshot.clone();
+    }
+    Arc::new(Snapshot { epoch: snapshot.epoch, scene: snapshot.scene.centred() })
 }
 
 /// A lit scene whose matter has a surface or none, and emits or not.

@@ -118,8 +118,11 @@ impl Segments {
                 None
             }
         };
-        if !layer.bases.iter().any(|base| Arc::ptr_eq(base, snapshot)) {
-            layer.bases.push(snapshot.clone());
+        // A snapshot that differs in nothing that segments depend on stands for both.
+        let same = |base: &&mut Arc<Snapshot>| bins_changed_since(&[&base.scene], scene) == Some(0);
+        match layer.bases.iter_mut().find(same) {
+            Some(base) => *base = snapshot.clone(),
+            None => layer.bases.push(snapshot.clone()),
         }
         Some(LayerPass { buffer: layer.buffer.clone(), changed_distances })
     }

@@ -2,6 +2,7 @@
 
 use std::sync::{Arc, Mutex};
 
+use scene::part::Room;
 use scene::{PreparedVolume, Scene, Voxels};
 
 use crate::error::RenderError;
@@ -76,19 +77,50 @@ impl VolumeCache {
         if let Some(texture) = self.touch(&volume.content) {
             return Ok(texture);
         }
-        let texture = Arc::new(upload(&self.gpu, volume)?);
+        let texture = match upload(&self.gpu, volume) {
+            Err(RenderError::OutOfMemory { .. }) => {
+                // What no view holds gives way.
+                self.evict_beyond(0);
+                self.gpu.wait()?;
+                upload(&self.gpu, volume)?
+            }
+            uploaded => uploaded?,
+        };
+        let texture = Arc::new(texture);
+        {
+            let mut entries = self.entries.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+            entries.by_use.push((volume.content, texture.clone()));
+        }
+        self.evict_beyond(self.budget_bytes);
+        Ok(texture)
+    }
+
+    /// Forgets textures that nobody uses until the others take no more than these bytes.
+    fn evict_beyond(&self, budget_bytes: u64) {
         let mut entries = self.entries.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        entries.by_use.push((volume.content, texture.clone()));
         let mut total: u64 = entries.by_use.iter().map(|(_, texture)| texture.bytes).sum();
         entries.by_use.retain(|(_, texture)| {
             let unused = Arc::strong_count(texture) == 1;
-            let evict = unused && total > self.budget_bytes;
+            let evict = unused && total > budget_bytes;
             if evict {
                 total -= texture.bytes;
             }
             !evict
         });
-        Ok(texture)
+    }
+
+    /// What this device can hold of one volume, if no more than `max_bytes` are allowed.
+    pub fn room(&self, max_bytes: u64) -> Room {
+        Room { max_edge: self.gpu.device.limits().max_texture_dimension_3d as usize, max_bytes }
+    }
+
+    /// Bytes of a voxel on this device.
+    pub fn texel_bytes(&self, voxels: &Voxels) -> u64 {
+        match voxels {
+            Voxels::U8(_) => 1,
+            Voxels::U16(_) | Voxels::I16(_) if self.gpu.abilities.filter_unorm16 => 2,
+            _ => 4,
+        }
     }
 
     /// Bytes of all textures held.
@@ -154,6 +186,7 @@ fn upload(gpu: &Gpu, prepared: &PreparedVolume) -> Result<VolumeTexture, RenderE
     })?;
     let slice_voxels = volume.dims[0] * volume.dims[1];
     let slices_per_chunk = (UPLOAD_CHUNK_BYTES / (slice_voxels * texel_bytes)).max(1);
+    let mut under_way = None;
     for first in (0..volume.dims[2]).step_by(slices_per_chunk) {
         let slices = slices_per_chunk.min(volume.dims[2] - first);
         let range = first * slice_voxels..(first + slices) * slice_voxels;
@@ -173,8 +206,13 @@ fn upload(gpu: &Gpu, prepared: &PreparedVolume) -> Result<VolumeTexture, RenderE
             },
             wgpu::Extent3d { width, height, depth_or_array_layers: slices as u32 },
         );
-        // Hands the staging memory of this chunk on before the next is filled.
-        gpu.queue.submit([]);
+        // Hands the staging memory of this chunk on before the next is filled, and waits for that
+        // of the one before.
+        let submitted = gpu.queue.submit([]);
+        if let Some(before) = under_way.replace(submitted) {
+            let wait = wgpu::PollType::Wait { submission_index: Some(before), timeout: None };
+            gpu.device.poll(wait).map_err(|error| RenderError::Gpu(error.to_string()))?;
+        }
     }
     gpu.take_error()?;
     let view = texture.create_view(&wgpu::TextureViewDescriptor::default());

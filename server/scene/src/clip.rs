@@ -3,10 +3,12 @@
 use glam::DVec3;
 use proto::scene_file as file;
 
+use crate::part::{Placement, WHOLE};
+
 /// A convex region: what it contains is drawn.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Clip {
-    /// Lower and upper corner in 0..1 volume coordinates.
+    /// Lower and upper corner in 0..1 coordinates of the box of the voxels held.
     pub bounds: [DVec3; 2],
     /// Unit normal and offset, world: keeps `dot(normal, x) >= offset`.
     pub planes: Vec<(DVec3, f64)>,
@@ -15,12 +17,17 @@ pub struct Clip {
 }
 
 impl Clip {
-    /// From the checked file form.
-    pub fn from_file(clip: &file::Clip) -> Self {
+    /// From the checked file form, whose box is one of the whole volume. Of a part no more is kept
+    /// than is to be shown of it.
+    pub fn from_file(clip: &file::Clip, placement: &Placement) -> Self {
+        let [low, high] = clip.bounds.unwrap_or(WHOLE).map(DVec3::from_array);
+        let [first, last] = placement.shown.map(DVec3::from_array);
+        let low = low.clamp(first, last);
+        let kept = [low, high.clamp(low, last)];
         let planes =
             clip.planes.iter().map(|plane| (DVec3::from_array(plane.normal).normalize(), plane.offset));
         Self {
-            bounds: clip.bounds.unwrap_or([[0.0; 3], [1.0; 3]]).map(DVec3::from_array),
+            bounds: kept.map(|corner| DVec3::from_array(placement.held_from_whole(corner.to_array()))),
             planes: planes.collect(),
             shadows: clip.shadows,
         }

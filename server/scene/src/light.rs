@@ -63,6 +63,19 @@ pub enum LightGeometry {
     },
 }
 
+impl LightGeometry {
+    /// Moves the light; those at infinity stay.
+    pub fn move_by(&mut self, offset: DVec3) {
+        match self {
+            LightGeometry::Point { position } | LightGeometry::Spot { position, .. } => *position += offset,
+            LightGeometry::Rectangle { center, .. }
+            | LightGeometry::Disk { center, .. }
+            | LightGeometry::Sphere { center, .. } => *center += offset,
+            _ => {}
+        }
+    }
+}
+
 impl Light {
     /// From the checked file form; `None` if the light is off or black.
     ///

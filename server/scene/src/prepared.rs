@@ -4,28 +4,34 @@ use proto::scene_file::Filter;
 use rayon::prelude::*;
 
 use crate::bins::{BIN_COUNT, Bins};
+use crate::levels::{Reduction, block, level_dims};
 use crate::macrocells::Macrocells;
-use crate::volume::{Volume, Voxels};
+use crate::part::{Part, Placement, UnitBox, reduction_name};
+use crate::volume::{Orientation, Volume, Voxels};
 
 /// Buckets of the display histogram.
 pub const HISTOGRAM_BUCKETS: usize = 256;
 
-/// A volume with everything derived from its voxels alone.
+/// A volume with everything derived from its voxels alone; or a part of one ([`Self::part`]), which
+/// keeps the whole volume's range, bins and histogram, so that a transfer function means the same.
 #[derive(Debug)]
 pub struct PreparedVolume {
     /// The voxels.
     pub volume: Volume,
+    /// Where they lie in the whole volume.
+    pub placement: Placement,
     /// BLAKE3 of voxels, size, type, slope and intercept: equal content, equal hash.
     pub content: [u8; 32],
-    /// Smallest and largest data value.
+    /// Smallest and largest data value of the whole volume.
     pub range: [f64; 2],
-    /// Scalar bins.
+    /// Scalar bins of the whole volume.
     pub bins: Bins,
-    /// Bin masks of 4^3 blocks.
+    /// Bin masks of 4^3 blocks of the voxels held.
     pub macrocells: Macrocells,
     /// Share of the macrocells that an edit of each bin touches, 0..1, with linear interpolation.
     pub bin_shares: [f64; BIN_COUNT],
-    /// Voxels per bucket; [`HISTOGRAM_BUCKETS`] buckets of equal width over `range`.
+    /// The whole volume's voxels per bucket; [`HISTOGRAM_BUCKETS`] buckets of equal width over
+    /// `range`.
     pub histogram: Vec<u64>,
 }
 
@@ -42,7 +48,55 @@ impl PreparedVolume {
         let bin_shares = macrocells.shares(Filter::Linear);
         let content = content_hash(&volume);
         progress(1.0);
-        Self { volume, content, range, bins, macrocells, bin_shares, histogram }
+        let placement = Placement::whole(&volume);
+        Self { volume, placement, content, range, bins, macrocells, bin_shares, histogram }
+    }
+
+    /// The part of this whole volume that is shown as `region`, the volume if there is none.
+    pub fn part(&self, part: &Part, region: Option<UnitBox>, reduction: Reduction) -> Self {
+        let whole = &self.volume;
+        let level = level_dims(whole.dims, part.level);
+        let spacing =
+            [0, 1, 2].map(|axis| whole.spacing[axis] * whole.dims[axis] as f64 / level[axis] as f64);
+        let origin_of = |orientation: Orientation| {
+            // From the centre of the whole volume's first voxel to that of the first one held.
+            let offset = [0, 1, 2]
+                .map(|axis| (part.low[axis] as f64 + 0.5) * spacing[axis] - 0.5 * whole.spacing[axis]);
+            let along = |i: usize| -> f64 {
+                (0..3).map(|axis| offset[axis] * orientation.lps_from_grid[axis][i]).sum()
+            };
+            Orientation { origin: [0, 1, 2].map(|i| orientation.origin[i] + along(i)), ..orientation }
+        };
+        let volume = Volume {
+            dims: part.dims(),
+            spacing,
+            spacing_unit: whole.spacing_unit.clone(),
+            voxels: block(whole, part.level, part.low, part.high, reduction),
+            slope: whole.slope,
+            intercept: whole.intercept,
+            orientation: whole.orientation.map(origin_of),
+        };
+        Self {
+            macrocells: Macrocells::of(&volume, &self.bins, &|_| {}),
+            placement: Placement::of(whole, part, region),
+            content: self.part_content(part, reduction),
+            range: self.range,
+            bins: self.bins.clone(),
+            bin_shares: self.bin_shares,
+            histogram: self.histogram.clone(),
+            volume,
+        }
+    }
+
+    /// The content hash of a part of this whole volume: of what it follows from.
+    pub fn part_content(&self, part: &Part, reduction: Reduction) -> [u8; 32] {
+        if *part == Part::whole(self.volume.dims) {
+            return self.content;
+        }
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(&self.content);
+        hasher.update(format!("{part:?} {}", reduction_name(part, reduction)).as_bytes());
+        *hasher.finalize().as_bytes()
     }
 
     /// The content hash as 64 hexadecimal digits.

@@ -21,7 +21,7 @@ const REFINEMENTS: usize = 16;
 pub struct Probe {
     /// World.
     pub position: DVec3,
-    /// Indices of the voxel that holds it.
+    /// Indices of the voxel of the whole volume at full resolution that holds it.
     pub voxel: [usize; 3],
     /// Data value there, interpolated as in the picture.
     pub value: f64,
@@ -49,8 +49,10 @@ pub fn probe(scene: &Scene, origin: DVec3, direction: DVec3) -> Option<Probe> {
         }
     }?;
     let position = way.at(t);
-    let unit = position / scene.grid.size_world + 0.5;
-    let dims = scene.grid.dims;
+    let placement = &scene.volume.placement;
+    let [low, high] = placement.held.map(DVec3::from_array);
+    let unit = low + scene.grid.unit_from_world(position) * (high - low);
+    let dims = placement.whole_dims;
     let voxel =
         std::array::from_fn(|axis| ((unit[axis] * dims[axis] as f64).max(0.0) as usize).min(dims[axis] - 1));
     Some(Probe { position, voxel, value: way.value(t) })
@@ -68,7 +70,7 @@ impl Way<'_> {
     }
 
     fn value(&self, t: f64) -> f64 {
-        let unit = self.at(t) / self.scene.grid.size_world + 0.5;
+        let unit = self.scene.grid.unit_from_world(self.at(t));
         value_at(&self.scene.volume.volume, self.scene.filter, unit)
     }
 }

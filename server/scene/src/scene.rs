@@ -113,7 +113,7 @@ impl Scene {
             file::Background::Environment => environment(&lights),
         };
         let value_range = file.value_range.unwrap_or(volume.range);
-        let grid = Grid::new(volume.volume.dims, file.spacing.unwrap_or(volume.volume.spacing));
+        let (grid, clip) = place(file, &volume);
         Ok(Self {
             filter: file.volume.filter,
             grid,
@@ -122,7 +122,7 @@ impl Scene {
             materials,
             lights,
             camera,
-            clip: Clip::from_file(&file.clip),
+            clip,
             background,
             orders: file.scattering.orders,
             method: file.illumination.method,
@@ -132,6 +132,29 @@ impl Scene {
             film: file.film.clone(),
             volume,
         })
+    }
+
+    /// This scene, made from the same file, with another part of its volume.
+    pub fn with_part(self, file: &SceneFile, part: Arc<PreparedVolume>) -> Self {
+        let (grid, clip) = place(file, &part);
+        Self { volume: part, grid, clip, ..self }
+    }
+
+    /// This scene moved so that the box of its voxels is centred at the origin, as the renderer
+    /// takes it: everything that has a place moves along, so the picture is the same.
+    pub fn centred(&self) -> Self {
+        let offset = -self.grid.center_world;
+        let mut scene = self.clone();
+        scene.grid.center_world = DVec3::ZERO;
+        scene.camera.eye += offset;
+        scene.lights.iter_mut().for_each(|light| light.geometry.move_by(offset));
+        for (normal, height) in &mut scene.clip.planes {
+            *height += normal.dot(offset);
+        }
+        if let Rendering::Slice { normal, offset: height } = &mut scene.rendering {
+            *height += normal.dot(offset);
+        }
+        scene
     }
 
     /// The transfer function with what it refers to.
@@ -182,4 +205,11 @@ fn environment(lights: &[Light]) -> Background {
         _ => None,
     };
     lights.iter().find_map(shown).unwrap_or(Background::Color(DVec3::ZERO))
+}
+
+/// Where the voxels held lie in the world, and what of their box is kept.
+fn place(file: &SceneFile, volume: &PreparedVolume) -> (Grid, Clip) {
+    let placement = &volume.placement;
+    let spacing = file.spacing.unwrap_or(placement.whole_spacing);
+    (Grid::placed(volume.volume.dims, placement, spacing), Clip::from_file(&file.clip, placement))
 }

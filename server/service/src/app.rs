@@ -7,8 +7,10 @@ use axum::Router;
 use axum::extract::DefaultBodyLimit;
 use axum::middleware::{from_fn, from_fn_with_state};
 use proto::rest::Dataset;
-use render::Gpu;
+use render::fit::{Fitted, fit};
+use render::{Gpu, RenderError};
 use scene::PreparedVolume;
+use scene::part::{Part, Wish};
 use tokio::sync::Semaphore;
 use tokio_util::sync::CancellationToken;
 
@@ -113,18 +115,23 @@ impl App {
         &self.closing
     }
 
-    /// Puts a volume on the GPU ahead of its first frame. Blocks.
+    /// Puts as much of a loaded volume on the GPU, ahead of its first frame, as a scene asks for and
+    /// as fits. Blocks.
     ///
     /// # Errors
-    /// It does not fit.
-    pub fn upload(&self, volume: &PreparedVolume) -> Answer<()> {
-        let uploaded = self.renderer.volumes().load(volume);
-        uploaded.map(drop).map_err(|error| {
-            let mut fault = render_fault(error);
-            if fault.problem.field.is_none() && fault.problem.status == 422 {
-                fault = Fault::invalid("volume", fault.problem.detail);
+    /// Not even its coarsest level fits.
+    pub fn fit(&self, whole: &Arc<PreparedVolume>, wish: &Wish) -> Answer<Fitted> {
+        let part_of = |part: &Part| self.volumes.part(whole, part, wish).map_err(Unfit::Memory);
+        let most = self.config.limits.max_texture_bytes;
+        fit(&self.renderer.volumes(), whole, wish, most, part_of).map_err(|unfit| match unfit {
+            Unfit::Memory(fault) => fault,
+            Unfit::Device(error) => {
+                let mut fault = render_fault(error);
+                if fault.problem.field.is_none() && fault.problem.status == 422 {
+                    fault = Fault::invalid("volume", fault.problem.detail);
+                }
+                fault
             }
-            fault
         })
     }
 
@@ -144,6 +151,19 @@ impl App {
             // `None` if it was deleted meanwhile.
             Key::Dataset(id, _) => self.catalog.get(id).map(|manifest| manifest.dataset),
         }
+    }
+}
+
+/// Why a volume cannot be put on the GPU.
+enum Unfit {
+    /// No memory for a part of it.
+    Memory(Fault),
+    Device(RenderError),
+}
+
+impl From<RenderError> for Unfit {
+    fn from(error: RenderError) -> Self {
+        Unfit::Device(error)
     }
 }
 

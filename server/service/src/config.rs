@@ -59,6 +59,9 @@ pub struct Limits {
     pub max_builtin_voxels: u64,
     /// Memory for volumes of all sessions, bytes of their voxels; beyond it loading gets 503.
     pub max_volume_memory_bytes: u64,
+    /// Largest volume on the GPU, bytes of its texels. Larger ones are shown at a coarser level; so
+    /// are those that the device has no room for, whatever is allowed here.
+    pub max_texture_bytes: u64,
     /// Most volumes being loaded at once.
     pub max_loads: usize,
     /// Most sessions; beyond it 503.
@@ -101,6 +104,7 @@ impl Default for Limits {
             max_voxel_bytes: 4 << 30,
             max_builtin_voxels: 1 << 27,
             max_volume_memory_bytes: 8 << 30,
+            max_texture_bytes: render::fit::DEFAULT_MAX_TEXTURE_BYTES,
             max_loads: 2,
             max_sessions: 64,
             max_viewers: 64,

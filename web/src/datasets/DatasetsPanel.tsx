@@ -6,6 +6,7 @@ import { IconButton, Section } from "../app/controls";
 import { Icon } from "../app/Icon";
 import { sayError } from "../app/say";
 import type { Dataset } from "../generated/proto";
+import { ShownVolume } from "../quality/ShownVolume";
 import { session } from "../session/engine";
 import { useSession } from "../session/store";
 import { formatDims } from "./format";
@@ -77,6 +78,7 @@ function Card({ dataset }: { dataset: Dataset }) {
       )}
       {error !== null && <p className="note note-danger" role="alert" data-testid="dataset-error">{error}</p>}
       {current && dataset.choices.length > 1 && <VolumeChoice choices={dataset.choices} />}
+      {current && <ShownVolume />}
       {details && <DatasetFacts dataset={dataset} />}
     </li>
   );

@@ -106,7 +106,17 @@ header_bytes?: number,
 /**
  * Which volume or component of a file that holds several, default 0.
  */
-index?: number, };
+index?: number, 
+/**
+ * Finest level shown: 0, the default, is full resolution, each further one has half as many
+ * voxels along each axis. A coarser one is shown where this one does not fit the device.
+ */
+level?: number, 
+/**
+ * Shows only this box, lower and upper corner in 0..1 coordinates of the whole volume, in the
+ * finest level in which it fits. It keeps its place in the world.
+ */
+region?: [[number, number, number], [number, number, number]], };
 
 export type Filter = "linear" | "nearest";
 
@@ -721,6 +731,29 @@ choices: Array<string>,
  */
 attribution?: string, };
 
+export type ShownVolume = { 
+/**
+ * 0 is full resolution; each further level has half as many voxels along each axis.
+ */
+level: number, 
+/**
+ * Voxels held along x, y, z; of a region, with two more on each side where there are any, which
+ * its borders need.
+ */
+dims: [number, number, number], 
+/**
+ * Voxels of the whole volume at full resolution.
+ */
+whole_dims: [number, number, number], 
+/**
+ * The box that is shown, in 0..1 coordinates of the whole volume; absent: all of it.
+ */
+region?: [[number, number, number], [number, number, number]], 
+/**
+ * What is shown and why, in words.
+ */
+notice: string, };
+
 export type Histogram = { 
 /**
  * Data value at the lower edge of the first and the upper edge of the last bucket.
@@ -843,7 +876,11 @@ created_unix_millis: number,
 /**
  * The newest scene, camera filled in.
  */
-scene: SceneFile, };
+scene: SceneFile, 
+/**
+ * What is shown of the volume; absent: the whole of it at full resolution.
+ */
+shown?: ShownVolume, };
 
 export type ClientMessage = { "type": "hello", 
 /**
@@ -921,6 +958,10 @@ scene: SceneFile,
  */
 dataset: Dataset | null, 
 /**
+ * What is shown of the volume; absent: the whole of it at full resolution.
+ */
+shown?: ShownVolume, 
+/**
  * What renders.
  */
 device: DeviceInfo, } | { "type": "scene", 
@@ -935,7 +976,11 @@ seq: number,
 /**
  * The whole scene.
  */
-scene: SceneFile, } | { "type": "rejected", 
+scene: SceneFile, 
+/**
+ * What is shown of its volume; absent: the whole of it at full resolution.
+ */
+shown?: ShownVolume, } | { "type": "rejected", 
 /**
  * The refused input.
  */

@@ -11,6 +11,7 @@ import { currentCamera } from "../viewport/actions";
 import { planeFacing } from "./clipPlanes";
 import { withoutEffect } from "./methods";
 import { PlaneRows, setPlanes } from "./PlaneRows";
+import { ShownVolume } from "./ShownVolume";
 
 const WHOLE: [Triple, Triple] = [[0, 0, 0], [1, 1, 1]];
 /** Thinnest slab that is kept, share of the edge. */
@@ -67,6 +68,7 @@ export function ClipPanel() {
         </Row>
       ))}
       <PlaneRows planes={clip.planes} />
+      <ShownVolume />
       <Row label="Shadows" hint="Whether what is cut away still blocks light">
         <Switch checked={clip.shadows} label="Also from cut parts" data-testid="clip-shadows" onChange={(event) => session.edit({ clip: { shadows: event.currentTarget.checked } })} />
       </Row>

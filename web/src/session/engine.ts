@@ -308,7 +308,7 @@ class Engine {
         break;
       case "scene":
         this.sync?.receive(message.seq, message.scene);
-        this.volume.scene(message.scene.volume);
+        this.volume.scene(message.scene.volume, message.shown);
         this.publishScene();
         break;
       case "rejected":
@@ -341,7 +341,7 @@ class Engine {
     if (this.sync) this.sync.reattach(message.scene);
     else this.sync = new SceneSync(message.scene);
     this.cameras = message.scene.camera ? new CameraTrail(message.scene.camera) : null;
-    this.volume.greeted(message.scene.volume, message.dataset);
+    this.volume.greeted(message.scene.volume, message.dataset, message.shown);
     set({ link: "open", failure: null, retryAt: null, device: message.device });
     if (!startCamera && message.scene.camera) this.startAt(message.session, message.scene.camera, startFits);
     if (!useSession.getState().status) void this.refreshStatus();

@@ -3,7 +3,7 @@
 import { create } from "zustand";
 import {
   FLAG_FINAL, FLAG_MOVING, type Camera, type Dataset, type DeviceInfo, type FrameHeader, type FrameReport, type Histogram,
-  type SceneFile, type Status,
+  type SceneFile, type ShownVolume, type Status,
 } from "../generated/proto";
 import type { Readings } from "./meters";
 
@@ -33,6 +33,8 @@ export interface SessionState {
   dataset: Dataset | null;
   /** Of `dataset`; null until it has arrived. */
   histogram: Histogram | null;
+  /** What is shown of the volume; null: the whole of it at full resolution. */
+  shown: ShownVolume | null;
   /** What is shown, edits on their way included; the camera is this viewer's. */
   scene: SceneFile | null;
   /** Where the R key goes back to. */
@@ -74,6 +76,7 @@ export const useSession = create<SessionState>(() => ({
   device: null,
   dataset: null,
   histogram: null,
+  shown: null,
   scene: null,
   startCamera: null,
   startFits: false,

@@ -6,11 +6,11 @@
  */
 
 import * as rest from "../api/rest";
-import type { Dataset, VolumeSource } from "../generated/proto";
+import type { Dataset, ShownVolume, VolumeSource } from "../generated/proto";
 import { useSession } from "./store";
 import { wordsOf } from "./words";
 
-/** What of the source tells one volume from another; the filter does not. */
+/** What of the source tells one volume from another; how much of it is shown, and how, does not. */
 function keyOf({ dataset, builtin, file, dims, index }: VolumeSource): string {
   return JSON.stringify([dataset, builtin, file, dims, index]);
 }
@@ -24,19 +24,20 @@ export class VolumeFacts {
   /** Another session: nothing is known of its volume. */
   forget(): void {
     this.key = null;
-    useSession.setState({ dataset: null, histogram: null });
+    useSession.setState({ dataset: null, histogram: null, shown: null });
   }
 
   /** The greeting says what the scene's volume is. */
-  greeted(volume: VolumeSource, dataset: Dataset | null): void {
+  greeted(volume: VolumeSource, dataset: Dataset | null, shown?: ShownVolume): void {
     const changed = keyOf(volume) !== this.key || dataset?.id !== useSession.getState().dataset?.id;
     this.key = keyOf(volume);
-    useSession.setState({ dataset, ...(changed ? { histogram: null } : {}) });
+    useSession.setState({ dataset, shown: shown ?? null, ...(changed ? { histogram: null } : {}) });
     if (changed && dataset) void this.loadHistogram(dataset.id);
   }
 
   /** A scene has come: asks what its volume is if it is another one. */
-  scene(volume: VolumeSource): void {
+  scene(volume: VolumeSource, shown?: ShownVolume): void {
+    useSession.setState({ shown: shown ?? null });
     const key = keyOf(volume);
     if (key === this.key) return;
     this.key = key;

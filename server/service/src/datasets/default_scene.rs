@@ -4,8 +4,8 @@
 //! of middling matter, and a little that is dense. Nothing becomes transparent, the body warm and
 //! translucent, the dense part bright and solid. Where these lie is read off the distribution of
 //! the data values by Otsu's threshold (N. Otsu, IEEE Trans. SMC 9, 1979), which splits a
-//! distribution where the two parts differ most. Volumes of few whole values are label maps and
-//! get one colour per label.
+//! distribution where the two parts differ most. Label volumes (`scene::labels`) get one colour per
+//! label.
 
 mod distribution;
 
@@ -15,12 +15,10 @@ use proto::scene_file::{
     Background, BlinnPhong, Brdf, Camera, DirectionalLight, EnvironmentLight, Filter, Light, Material,
     SceneFile, TransferFunction, TransferFunctionPoint, VolumeSource,
 };
+use scene::labels::{Label, MAX_LABELS, around, labels};
 use scene::{Camera as View, Grid, PreparedVolume};
 
-use distribution::{distinct, parts, sorted_values, surroundings};
-
-/// Volumes of whole numbers with at most this many values are label maps.
-const MAX_LABELS: usize = 12;
+use distribution::{parts, sorted_values, surroundings};
 
 /// Optical depth of the translucent body, seen through all of it.
 const BODY_OPTICAL_DEPTH: f64 = 1.4;
@@ -46,12 +44,9 @@ const UNORIENTED_PITCH_DEGREES: f64 = 18.0;
 /// A scene for a volume nobody has described.
 pub fn default_scene(prepared: &PreparedVolume, source: VolumeSource) -> SceneFile {
     let mut scene = SceneFile::new(source);
-    let values = sorted_values(prepared);
-    let whole = |labels: &Vec<f64>| labels.iter().all(|label| label.fract() == 0.0);
-    let labels = distinct(&values, MAX_LABELS).filter(whole);
-    match labels {
-        Some(labels) if labels.len() > 1 => show_labels(&mut scene, &labels, &values),
-        _ => show_scan(&mut scene, prepared, &values),
+    match labels(&prepared.volume) {
+        Some(labels) => show_labels(&mut scene, &labels),
+        None => show_scan(&mut scene, prepared, &sorted_values(prepared)),
     }
     scene.materials = materials();
     let anatomical = prepared.volume.orientation.is_some();
@@ -109,21 +104,23 @@ fn show_scan(scene: &mut SceneFile, prepared: &PreparedVolume, values: &[f64]) {
     scene.transfer_function = TransferFunction { points };
 }
 
-/// One colour per label; the most common one is what lies around the others.
-fn show_labels(scene: &mut SceneFile, labels: &[f64], values: &[f64]) {
-    let count = |label: f64| values.partition_point(|&v| v <= label) - values.partition_point(|&v| v < label);
-    let around = labels.iter().copied().max_by_key(|&label| count(label));
-    let (first, last) = (labels[0], labels[labels.len() - 1]);
+/// One colour per label; what lies around them is transparent.
+fn show_labels(scene: &mut SceneFile, labels: &[Label]) {
+    let outside = around(labels);
+    let values: Vec<f64> = labels.iter().map(|label| label.value).collect();
+    let (first, last) = (values[0], values[values.len() - 1]);
     // Half a label of room at either end: each label owns an interval around its value.
-    let room = 0.5 * (last - first) / (labels.len() - 1) as f64;
+    let room = 0.5 * (last - first) / (values.len() - 1) as f64;
     let window = [first - room, last + room];
     let s = |value: f64| ((value - window[0]) / (window[1] - window[0])).clamp(0.0, 1.0);
+    // Where labels are small numbers, a label has the same colour in every volume.
+    let numbered = first >= 0.0 && last < MAX_LABELS as f64;
     let mut points = Vec::new();
-    for (index, &label) in labels.iter().enumerate() {
-        let start = index.checked_sub(1).map_or(0.0, |i| s(0.5 * (labels[i] + label)));
-        let end = labels.get(index + 1).map_or(1.0, |next| s(0.5 * (label + next)));
-        let extinction = if Some(label) == around { 0.0 } else { DENSE_EXTINCTION };
-        let color = label_color(index);
+    for (index, &label) in values.iter().enumerate() {
+        let start = index.checked_sub(1).map_or(0.0, |i| s(0.5 * (values[i] + label)));
+        let end = values.get(index + 1).map_or(1.0, |next| s(0.5 * (label + next)));
+        let extinction = if Some(label) == outside { 0.0 } else { DENSE_EXTINCTION };
+        let color = label_color(if numbered { label as usize } else { index });
         points.push(point(start, extinction, color, "dense"));
         points.push(point(end, extinction, color, "dense"));
     }
@@ -132,11 +129,23 @@ fn show_labels(scene: &mut SceneFile, labels: &[f64], values: &[f64]) {
     scene.transfer_function = TransferFunction { points };
 }
 
-/// Well separated hues: steps of the golden angle.
-fn label_color(index: usize) -> [f64; 3] {
-    let hue = index as f64 * 137.507_764_05_f64.to_radians();
+/// Hues of label colours, evenly spaced.
+const LABEL_HUES: usize = 16;
+/// From one label to the next the hue goes on by this many: almost to the opposite, and to each
+/// before any comes again.
+const LABEL_HUE_STEP: usize = 7;
+/// Mean of red, green and blue, how far each goes from it, and where the first hue lies between
+/// two: vivid, pale, muted, dark. Chosen by search so that the two most similar of all colours are as
+/// different as can be.
+const LABEL_RINGS: [[f64; 3]; 4] = [[0.5, 0.43, 0.0], [0.65, 0.25, 0.0], [0.4, 0.2, 0.5], [0.12, 0.108, 0.5]];
+
+/// Colours that are told apart, one for each of [`MAX_LABELS`] numbers.
+fn label_color(number: usize) -> [f64; 3] {
+    let [mean, swing, shift] = LABEL_RINGS[number / LABEL_HUES % LABEL_RINGS.len()];
+    let step = (LABEL_HUE_STEP * number % LABEL_HUES) as f64 + shift;
+    let hue = step / LABEL_HUES as f64 * std::f64::consts::TAU;
     let third = std::f64::consts::TAU / 3.0;
-    [0.0, third, 2.0 * third].map(|offset| 0.55 + 0.38 * (hue - offset).cos())
+    [0.0, third, 2.0 * third].map(|offset| mean + swing * (hue - offset).cos())
 }
 
 fn point(s: f64, extinction: f64, albedo: [f64; 3], material: &str) -> TransferFunctionPoint {

@@ -180,21 +180,23 @@ pub fn no_such_dataset(id: &str) -> Fault {
     Fault::not_found(format!("There is no dataset `{shown}`; GET /api/v1/datasets lists them."))
 }
 
-/// What a volume tells about itself; identifier, name and sizes on disk are the caller's.
+/// What a volume, or the whole that it is a part of, tells about itself; identifier, name and sizes on disk are the caller's.
 pub fn describe(prepared: &PreparedVolume, id: &str, name: &str, format: &str) -> Dataset {
     let volume = &prepared.volume;
+    let whole_dims = prepared.placement.whole_dims;
+    let voxel_bytes = volume.voxels.bytes() / volume.voxels.len().max(1);
     Dataset {
         id: id.into(),
         name: name.into(),
         sample: false,
         format: format.into(),
-        dims: volume.dims.map(|edge| u32::try_from(edge).unwrap_or(u32::MAX)),
-        spacing: volume.spacing,
+        dims: whole_dims.map(|edge| u32::try_from(edge).unwrap_or(u32::MAX)),
+        spacing: prepared.placement.whole_spacing,
         spacing_unit: volume.spacing_unit.clone(),
         voxel_type: volume.voxels.voxel_type(),
         value_range: prepared.range,
         anatomical: volume.orientation.is_some(),
-        bytes: volume.voxels.bytes() as u64,
+        bytes: scene::part::bytes_of(whole_dims, voxel_bytes as u64),
         created_unix_millis: 0,
         notices: Vec::new(),
         choices: Vec::new(),

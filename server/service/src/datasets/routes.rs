@@ -9,6 +9,7 @@ use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use proto::rest::{Dataset, Histogram, Problem};
 use proto::scene_file::{Endian, SceneFile, VolumeSource, VoxelType};
+use scene::part::Wish;
 use scene::plan::Target;
 use scene::{PreparedVolume, Scene, Snapshot};
 use serde::Deserialize;
@@ -25,7 +26,7 @@ const THUMBNAIL_SIZE: (u32, u32) = (192, 144);
 /// Most samples per pixel of a thumbnail.
 const THUMBNAIL_SAMPLES: u32 = 4;
 /// Changes whenever thumbnails drawn before should be drawn again.
-const THUMBNAIL_VERSION: &str = concat!("1-", env!("CARGO_PKG_VERSION"));
+const THUMBNAIL_VERSION: &str = concat!("2-", env!("CARGO_PKG_VERSION"));
 /// What follows from a dataset's content alone may be kept, but is asked for again: a newer
 /// version of the service may see it differently.
 const REVALIDATE: &str = "private, no-cache";
@@ -290,8 +291,8 @@ async fn draw_thumbnail(app: &Arc<App>, id: &str, path: std::path::PathBuf) -> A
     let (file, volume) = scene_and_volume(app, id).await?;
     let shared = app.clone();
     let snapshot = crate::blocking("preparing a thumbnail", move || {
-        shared.upload(&volume)?;
-        let scene = Scene::new(&file, volume)?;
+        let fitted = shared.fit(&volume, &Wish::of(&file.volume))?;
+        let scene = Scene::new(&file, fitted.volume)?;
         render::check(&scene)?;
         Ok::<_, Fault>(Arc::new(Snapshot { epoch: 1, scene }))
     })

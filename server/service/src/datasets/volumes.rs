@@ -1,11 +1,12 @@
 //! Volumes in memory, shared by every session that shows them.
 //!
 //! Loading runs on blocking threads, once per volume however many wait for it. Volumes that no
-//! session uses stay until the memory is needed; the least recently used goes first.
+//! session uses stay until the memory is needed; the least recently used goes first. Parts of
+//! volumes ([`Volumes::part`]) stay as long as a session shows them.
 
 use std::collections::HashMap;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 
 use formats::{FormatError, Imported, ReadOptions};
 use parking_lot::Mutex;
@@ -13,6 +14,8 @@ use proto::FieldError;
 use proto::rest::Dataset;
 use proto::scene_file::{Builtin, VolumeSource, VoxelType};
 use scene::PreparedVolume;
+use scene::levels::Reduction;
+use scene::part::{Part, Wish};
 use tokio::sync::{Semaphore, watch};
 
 use super::samples::{self, Origin, Samples};
@@ -58,6 +61,8 @@ pub struct Volumes {
 #[derive(Default)]
 struct State {
     ready: HashMap<Key, Ready>,
+    /// Levels and regions in use.
+    parts: Vec<Weak<PreparedVolume>>,
     loading: HashMap<Key, watch::Receiver<Stage>>,
     /// Counts uses; orders `Ready::used`.
     clock: u64,
@@ -147,6 +152,31 @@ impl Volumes {
         if state.make_room(bytes, self.limits.max_volume_memory_bytes).is_ok() {
             state.insert(key, Arc::new(volume));
         }
+    }
+
+    /// A level or region of a loaded volume, shared with whoever shows the same. Blocks.
+    ///
+    /// # Errors
+    /// There is no memory for it now.
+    pub fn part(&self, whole: &PreparedVolume, part: &Part, wish: &Wish) -> Answer<Arc<PreparedVolume>> {
+        let reduction = Reduction::of(wish.filter);
+        let content = whole.part_content(part, reduction);
+        let shown = wish.region.unwrap_or(scene::part::WHOLE);
+        {
+            let mut state = self.state.lock();
+            let same = |known: &PreparedVolume| known.content == content && known.placement.shown == shown;
+            if let Some(known) = state.parts.iter().filter_map(Weak::upgrade).find(|known| same(known)) {
+                return Ok(known);
+            }
+            let voxel_bytes = whole.volume.voxels.bytes() / whole.volume.voxels.len().max(1);
+            let bytes = scene::part::bytes_of(part.dims(), voxel_bytes as u64);
+            state.make_room(bytes, self.limits.max_volume_memory_bytes)?;
+        }
+        let made = Arc::new(whole.part(part, wish.region, reduction));
+        let mut state = self.state.lock();
+        state.parts.retain(|known| known.strong_count() > 0);
+        state.parts.push(Arc::downgrade(&made));
+        Ok(made)
     }
 
     /// Joins the loading of a volume, or starts it.
@@ -267,7 +297,9 @@ impl State {
     fn make_room(&mut self, bytes: u64, memory: u64) -> Answer<()> {
         let size = |ready: &Ready| ready.volume.volume.voxels.bytes() as u64;
         loop {
-            let held: u64 = self.ready.values().map(size).sum();
+            let parts = self.parts.iter().filter_map(Weak::upgrade);
+            let parts: u64 = parts.map(|part| part.volume.voxels.bytes() as u64).sum();
+            let held = self.ready.values().map(size).sum::<u64>().saturating_add(parts);
             if held.saturating_add(bytes) <= memory {
                 return Ok(());
             }

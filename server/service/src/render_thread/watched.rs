@@ -289,7 +289,7 @@ impl Watched {
         time: Duration,
     ) -> Option<Target> {
         let target = Target { width: viewport.0, height: viewport.1, samples_per_pixel: 1 };
-        let plan = renderer.plan(&self.view, &self.input.snapshot.scene, target);
+        let plan = renderer.plan(&self.view, &self.input.snapshot, target);
         let SegmentsPlan::Reuse { stale_share } = plan.segments else { return None };
         let whole = self.pace.expected(u64::from(viewport.0) * u64::from(viewport.1));
         (whole.mul_f32(stale_share + SEGMENTS_OVERHEAD) <= time).then_some(target)

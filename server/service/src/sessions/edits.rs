@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use proto::FieldError;
-use proto::scene_file::{Camera, SceneFile};
+use proto::rest::{Dataset, ShownVolume};
+use proto::scene_file::{Camera, SceneFile, VolumeSource};
+use scene::part::Wish;
 use scene::{PreparedVolume, Scene};
 use serde_json::Value;
 
@@ -25,7 +27,7 @@ pub enum Edit {
 pub(super) enum Refusal {
     Field(FieldError),
     /// Its volume has to be loaded first.
-    Needs(Key),
+    Needs(Asked),
 }
 
 impl From<FieldError> for Refusal {
@@ -34,10 +36,28 @@ impl From<FieldError> for Refusal {
     }
 }
 
+/// What a scene's voxels are made from: which volume, and how much of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Asked {
+    key: Key,
+    wish: Wish,
+}
+
+impl Asked {
+    /// What a scene file asks for. Blocks while samples are first described.
+    ///
+    /// # Errors
+    /// The field at fault, see [`Volumes::key`](crate::datasets::volumes::Volumes::key).
+    pub fn of(app: &App, source: &VolumeSource) -> Result<Self, FieldError> {
+        Ok(Self { key: app.volumes().key(source)?, wish: Wish::of(source) })
+    }
+}
+
 /// A volume made ready for a scene: in memory and on the GPU.
 pub struct Loaded {
-    key: Key,
+    asked: Asked,
     volume: Arc<PreparedVolume>,
+    shown: Option<ShownVolume>,
 }
 
 impl Loaded {
@@ -45,26 +65,42 @@ impl Loaded {
     ///
     /// # Errors
     /// It cannot be read, or does not fit.
-    pub async fn load(app: &Arc<App>, key: Key, progress: impl FnMut(f32)) -> Answer<Self> {
-        let volume = app.volumes().load(&key, progress).await?;
-        let (shared, uploaded) = (app.clone(), volume.clone());
-        crate::blocking("uploading a volume", move || shared.upload(&uploaded)).await??;
-        Ok(Self { key, volume })
+    pub async fn load(app: &Arc<App>, asked: Asked, progress: impl FnMut(f32)) -> Answer<Arc<Self>> {
+        let whole = app.volumes().load(&asked.key, progress).await?;
+        let (shared, wish) = (app.clone(), asked.wish);
+        let fitted = crate::blocking("uploading a volume", move || shared.fit(&whole, &wish)).await??;
+        Ok(Arc::new(Self { asked, volume: fitted.volume, shown: fitted.shown }))
     }
 
     /// A scene of this volume, checked.
     ///
     /// # Errors
     /// The field at fault.
-    pub(super) fn check(self, file: SceneFile) -> Answer<Checked> {
-        check_with(file, self.key, self.volume).map_err(Fault::from)
+    pub(super) fn check(self: Arc<Self>, file: SceneFile) -> Answer<Checked> {
+        check_with(file, self).map_err(Fault::from)
+    }
+
+    /// What its dataset is.
+    pub(super) fn describe(&self, app: &App) -> Option<Dataset> {
+        app.describe_volume(&self.asked.key, &self.volume)
+    }
+
+    /// What is shown of it, where that is not all.
+    pub(super) fn shown(&self) -> Option<ShownVolume> {
+        self.shown.clone()
+    }
+
+    /// Whether it is what is asked for.
+    fn serves(&self, asked: &Asked) -> bool {
+        let level = self.volume.placement.level;
+        self.asked.key == asked.key && self.asked.wish.same_voxels(&asked.wish, level)
     }
 }
 
 /// A scene that passed every check.
 pub(super) struct Checked {
     pub file: SceneFile,
-    pub key: Key,
+    pub loaded: Arc<Loaded>,
     pub scene: Scene,
 }
 
@@ -72,13 +108,12 @@ pub(super) struct Checked {
 #[derive(Clone, Copy)]
 pub(super) struct Current<'a> {
     pub file: &'a SceneFile,
-    pub key: &'a Key,
-    pub volume: &'a Arc<PreparedVolume>,
+    pub loaded: &'a Arc<Loaded>,
 }
 
 impl Checked {
     pub fn current(&self) -> Current<'_> {
-        Current { file: &self.file, key: &self.key, volume: &self.scene.volume }
+        Current { file: &self.file, loaded: &self.loaded }
     }
 }
 
@@ -87,7 +122,7 @@ impl Checked {
 pub(super) fn patched(
     app: &App,
     current: Current<'_>,
-    loaded: Option<&Loaded>,
+    loaded: Option<&Arc<Loaded>>,
     (camera, camera_seq): &(Camera, u32),
     seq: u32,
     patch: &Value,
@@ -124,24 +159,21 @@ pub(super) fn merged(file: &SceneFile, patch: &Value) -> Result<Value, FieldErro
 pub(super) fn check(
     app: &App,
     current: Current<'_>,
-    loaded: Option<&Loaded>,
+    loaded: Option<&Arc<Loaded>>,
     value: Value,
 ) -> Result<Checked, Refusal> {
     let file = SceneFile::from_value(value)?;
-    let key = app.volumes().key(&file.volume)?;
-    let volume = match loaded {
-        _ if *current.key == key => current.volume.clone(),
-        Some(loaded) if loaded.key == key => loaded.volume.clone(),
-        _ => return Err(Refusal::Needs(key)),
-    };
-    check_with(file, key, volume).map_err(Refusal::Field)
+    let asked = Asked::of(app, &file.volume)?;
+    let ready = [Some(current.loaded), loaded].into_iter().flatten().find(|ready| ready.serves(&asked));
+    let Some(ready) = ready else { return Err(Refusal::Needs(asked)) };
+    check_with(file, ready.clone()).map_err(Refusal::Field)
 }
 
-fn check_with(mut file: SceneFile, key: Key, volume: Arc<PreparedVolume>) -> Result<Checked, FieldError> {
-    let scene = Scene::new(&file, volume)?;
+fn check_with(mut file: SceneFile, loaded: Arc<Loaded>) -> Result<Checked, FieldError> {
+    let scene = Scene::new(&file, loaded.volume.clone())?;
     render::check(&scene)?;
     file.camera = Some(filled_camera(&file, &scene));
-    Ok(Checked { file, key, scene })
+    Ok(Checked { file, loaded, scene })
 }
 
 /// Checks a camera that comes alone, as part of a scene: there is one set of rules.

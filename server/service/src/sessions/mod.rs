@@ -22,11 +22,10 @@ use serde_json::Value;
 use tokio::sync::{mpsc, watch};
 use tokio_util::sync::CancellationToken;
 
-pub use edits::{Edit, Loaded};
+pub use edits::{Asked, Edit, Loaded};
 pub use registry::{Sessions, no_such_session};
 
 use crate::App;
-use crate::datasets::volumes::Key;
 use crate::problem::{Answer, Fault};
 use crate::render_thread::{Output, ViewerId};
 use edits::{Checked, Current, Refusal};
@@ -46,8 +45,8 @@ pub struct Session {
 struct State {
     /// The truth, camera filled in.
     file: SceneFile,
-    /// What the volume was loaded from.
-    key: Key,
+    /// The scene's volume.
+    loaded: Arc<Loaded>,
     scene: Scene,
     epoch: u32,
     viewers: BTreeMap<u32, Viewer>,
@@ -74,7 +73,7 @@ pub struct Patched {
     /// Those that were refused.
     pub rejected: Vec<(u32, FieldError)>,
     /// The volume that the last so many patches wait for.
-    pub waiting: Option<(Key, usize)>,
+    pub waiting: Option<(Asked, usize)>,
     /// The new epoch, if any was accepted; to be dropped after the refusals were sent, so that
     /// their author hears of those first.
     pub announcement: Option<Announcement>,
@@ -98,7 +97,7 @@ impl Drop for Announcement {
 
 impl State {
     fn current(&self) -> Current<'_> {
-        Current { file: &self.file, key: &self.key, volume: &self.scene.volume }
+        Current { file: &self.file, loaded: &self.loaded }
     }
 }
 
@@ -112,6 +111,7 @@ impl Session {
             viewers: state.viewers.len() as u32,
             created_unix_millis: self.created_unix_millis,
             scene: state.file.clone(),
+            shown: state.loaded.shown(),
         }
     }
 
@@ -128,11 +128,11 @@ impl Session {
     /// # Errors
     /// The field at fault, below `patch`.
     pub fn patched_snapshot(&self, app: &App, patch: &Value) -> Answer<Arc<Snapshot>> {
-        let (file, key, scene, epoch) = {
+        let (file, loaded, epoch) = {
             let state = self.state.lock();
-            (state.file.clone(), state.key.clone(), state.scene.clone(), state.epoch)
+            (state.file.clone(), state.loaded.clone(), state.epoch)
         };
-        let current = Current { file: &file, key: &key, volume: &scene.volume };
+        let current = Current { file: &file, loaded: &loaded };
         let checked = edits::merged(&file, patch)
             .map_err(Refusal::Field)
             .and_then(|value| edits::check(app, current, None, value));
@@ -174,12 +174,17 @@ impl Session {
                 Ok(()) => return Ok(()),
                 Err(Refusal::Field(error)) => return Err(error.into()),
                 // A patch may need another volume than before if the scene changed in between.
-                Err(Refusal::Needs(key)) => loaded = Some(Loaded::load(app, key, |_| {}).await?),
+                Err(Refusal::Needs(asked)) => loaded = Some(Loaded::load(app, asked, |_| {}).await?),
             }
         }
     }
 
-    fn try_edit(self: &Arc<Self>, app: &App, edit: &Edit, loaded: Option<&Loaded>) -> Result<(), Refusal> {
+    fn try_edit(
+        self: &Arc<Self>,
+        app: &App,
+        edit: &Edit,
+        loaded: Option<&Arc<Loaded>>,
+    ) -> Result<(), Refusal> {
         let mut state = self.state.lock();
         let value = match edit {
             Edit::Replace(value) => value.clone(),
@@ -198,7 +203,7 @@ impl Session {
         app: &App,
         number: u32,
         patches: &[(u32, Value)],
-        loaded: Option<&Loaded>,
+        loaded: Option<&Arc<Loaded>>,
         arrived: Instant,
     ) -> Patched {
         let mut outcome = Patched::default();
@@ -217,8 +222,8 @@ impl Session {
                     accepted = Some(checked);
                 }
                 Err(Refusal::Field(error)) => outcome.rejected.push((*seq, error)),
-                Err(Refusal::Needs(key)) => {
-                    outcome.waiting = Some((key, patches.len() - index));
+                Err(Refusal::Needs(asked)) => {
+                    outcome.waiting = Some((asked, patches.len() - index));
                     break;
                 }
             }
@@ -246,9 +251,9 @@ impl Session {
         checked: Checked,
         author: Option<(u32, Instant)>,
     ) -> Announcement {
-        let Checked { file, key, scene } = checked;
+        let Checked { file, loaded, scene } = checked;
         state.file = file;
-        state.key = key;
+        state.loaded = loaded;
         state.scene = scene;
         state.epoch = state.epoch.saturating_add(1);
         state.idle_since = Instant::now();
@@ -321,7 +326,8 @@ impl Session {
             viewer: number,
             epoch: state.epoch,
             scene: Box::new(state.file.clone()),
-            dataset: app.describe_volume(&state.key, &state.scene.volume).map(Box::new),
+            dataset: state.loaded.describe(app).map(Box::new),
+            shown: state.loaded.shown().map(Box::new),
             device: app.renderer().device().clone(),
         }
     }
@@ -337,15 +343,16 @@ impl Session {
             // Inputs from a waiting edit on are not part of the scene yet.
             seq = viewer.waiting_from.map_or(viewer.done_seq, |seq| seq.saturating_sub(1));
         }
-        ServerMessage::Scene { epoch: state.epoch, seq, scene: Box::new(scene) }
+        let shown = state.loaded.shown().map(Box::new);
+        ServerMessage::Scene { epoch: state.epoch, seq, scene: Box::new(scene), shown }
     }
 
     /// A session with a scene.
     fn new(id: String, checked: Checked) -> Self {
-        let Checked { file, key, scene } = checked;
+        let Checked { file, loaded, scene } = checked;
         let state = State {
             file,
-            key,
+            loaded,
             scene,
             epoch: 1,
             viewers: BTreeMap::new(),

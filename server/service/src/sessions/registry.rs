@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use parking_lot::Mutex;
 use proto::scene_file::SceneFile;
 
-use super::{Loaded, Session};
+use super::{Asked, Loaded, Session};
 use crate::App;
 use crate::datasets::storage::random_hex;
 use crate::problem::{Answer, Fault};
@@ -36,9 +36,9 @@ impl Sessions {
         file.validate()?;
         self.expire();
         self.check_room()?;
-        let (volumes, source) = (app.volumes().clone(), file.volume.clone());
-        let key = crate::blocking("opening a session", move || volumes.key(&source)).await??;
-        let loaded = Loaded::load(app, key, |_| {}).await?;
+        let (shared, source) = (app.clone(), file.volume.clone());
+        let asked = crate::blocking("opening a session", move || Asked::of(&shared, &source)).await??;
+        let loaded = Loaded::load(app, asked, |_| {}).await?;
         let checked = crate::blocking("opening a session", move || loaded.check(file)).await??;
         let id = random_hex(ID_BYTES).map_err(|error| Fault::internal("opening a session", &error))?;
         let session = Arc::new(Session::new(id.clone(), checked));

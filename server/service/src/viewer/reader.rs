@@ -44,7 +44,7 @@ const PIXEL_RATIOS: std::ops::RangeInclusive<f64> = 0.25..=4.0;
 /// Shortest time between two progress messages.
 const PROGRESS_INTERVAL: Duration = Duration::from_millis(100);
 
-type Loading = Pin<Box<dyn Future<Output = Answer<Loaded>> + Send>>;
+type Loading = Pin<Box<dyn Future<Output = Answer<Arc<Loaded>>> + Send>>;
 
 /// Takes what a viewer sends.
 pub(super) struct Reader {
@@ -254,7 +254,7 @@ impl Reader {
     }
 
     /// Applies the waiting edits; those that need a volume stay, and it is loaded.
-    async fn apply_patches(&mut self, loaded: Option<Loaded>) -> Result<(), End> {
+    async fn apply_patches(&mut self, loaded: Option<Arc<Loaded>>) -> Result<(), End> {
         self.next_patch = tokio::time::Instant::now() + PATCH_INTERVAL;
         let patches = std::mem::take(&mut self.patches);
         self.patch_bytes = 0;
@@ -269,7 +269,7 @@ impl Reader {
         let told = rejected.into_iter().try_for_each(|(seq, error)| self.reject(seq, error));
         drop(announcement);
         told?;
-        if let Some((key, count)) = waiting {
+        if let Some((asked, count)) = waiting {
             self.patches = patches.split_off(patches.len().saturating_sub(count));
             let (app, notes) = (self.app.clone(), self.notes.clone());
             let mut next_progress = Instant::now();
@@ -281,14 +281,14 @@ impl Reader {
                     drop(notes.try_send(progress(fraction.into())));
                 }
             };
-            self.loading = Some(Box::pin(async move { Loaded::load(&app, key, tell).await }));
+            self.loading = Some(Box::pin(async move { Loaded::load(&app, asked, tell).await }));
         }
         Ok(())
     }
 
     /// The volume is there, and the edits that waited for it are applied; or it cannot be loaded,
     /// and they are refused.
-    async fn loaded(&mut self, loaded: Answer<Loaded>) -> Result<(), End> {
+    async fn loaded(&mut self, loaded: Answer<Arc<Loaded>>) -> Result<(), End> {
         self.note(progress(1.0))?;
         match loaded {
             Ok(loaded) => self.apply_patches(Some(loaded)).await,

@@ -19,7 +19,7 @@ async fn rejection(viewer: &mut Viewer) -> (u32, String, String) {
 
 async fn scene(viewer: &mut Viewer) -> (u32, u32, SceneFile) {
     let pick = |message| match message {
-        ServerMessage::Scene { epoch, seq, scene } => Some((epoch, seq, *scene)),
+        ServerMessage::Scene { epoch, seq, scene, .. } => Some((epoch, seq, *scene)),
         _ => None,
     };
     viewer.message_of(pick).await

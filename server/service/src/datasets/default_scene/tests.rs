@@ -131,6 +131,41 @@ fn labels_get_a_color_each_and_no_blending() {
 }
 
 #[test]
+fn sixty_labels_are_told_apart_and_the_first_is_transparent() {
+    let cell = |i: usize| [i % 40 / 10, i / 40 % 40 / 10, i / 1600 / 10];
+    let label = |[x, y, z]: [usize; 3]| ((x + 4 * y + 16 * z) * 29 % 61) as u8;
+    let voxels = Voxels::U8((0..64_000).map(|i| label(cell(i))).collect());
+    let scene = checked(PreparedVolume::new(Volume::new([40; 3], voxels), &|_| {}));
+    assert_eq!(scene.volume.filter, Filter::Nearest);
+    assert_eq!(extinction(&scene, 0.0), 0.0);
+    assert_eq!(scene.transfer_function.points.len(), 2 * 61);
+    for value in 1..61 {
+        assert_eq!(extinction(&scene, f64::from(value)), DENSE_EXTINCTION);
+    }
+    let srgb = |x: f64| if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
+    let colors: Vec<[f64; 3]> = (0..MAX_LABELS).map(|number| label_color(number).map(srgb)).collect();
+    for (number, a) in colors.iter().enumerate() {
+        assert!(a.iter().all(|x| (0.0..=1.0).contains(x)), "{number}: {a:?}");
+        for b in &colors[..number] {
+            let apart = a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+            assert!(apart > 0.06, "{number}: {a:?} {b:?}");
+        }
+    }
+}
+
+#[test]
+fn a_label_has_its_colour_whatever_others_there_are() {
+    let color_of = |labels: &[u8], label: u8| {
+        let voxels = Voxels::U8((0..1000).map(|i| labels[i * labels.len() / 1000]).collect());
+        let scene = checked(PreparedVolume::new(Volume::new([10; 3], voxels), &|_| {}));
+        let [low, high] = scene.value_range.unwrap();
+        let (function, _) = scene::TransferFunction::from_file(&scene);
+        function.at((f64::from(label) - low) / (high - low)).albedo
+    };
+    assert_eq!(color_of(&[0, 1, 5], 5), color_of(&[0, 2, 3, 5, 9], 5));
+}
+
+#[test]
 fn degenerate_volumes_open_too() {
     checked(phantom(|_, _| 7.0));
     checked(phantom(|radius, _| if radius < 0.1 { 1.0 } else { 0.0 }));
