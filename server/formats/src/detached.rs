@@ -4,6 +4,7 @@ use std::path::{Component, Path, PathBuf};
 
 use crate::ReadOptions;
 use crate::error::{FormatError, file_name, quoted};
+use crate::stream::Stream;
 
 /// Most files the voxels may be spread over.
 const MAX_DATA_FILES: usize = 1 << 14;
@@ -42,6 +43,41 @@ pub(crate) fn listed_by_pattern(file: &str, field: &str, value: &str) -> Result<
     let count = span / i128::from(step) + 1;
     check_count(file, count)?;
     Ok((0..count).map(|i| pattern.name(i128::from(first) + i * i128::from(step))).collect())
+}
+
+/// The files that field `field` of the header at `header` names, one after the other, as one stream
+/// of `total_bytes` decoded bytes: an equal share from each. `decode` brings a file to its decoded
+/// bytes and makes sure that there can be so many; it is asked for every file before anything is
+/// read.
+pub(crate) fn open_all<'a>(
+    header: &Path,
+    field: &str,
+    names: &[String],
+    total_bytes: u64,
+    options: &ReadOptions<'_>,
+    decode: impl Fn(Stream<'a>, u64) -> Result<Stream<'a>, FormatError> + 'a,
+) -> Result<Stream<'a>, FormatError> {
+    let file = file_name(header);
+    let count = names.len() as u64;
+    if count == 0 || !total_bytes.is_multiple_of(count) {
+        let expected = format!("a number of files that divides the {total_bytes} bytes of data");
+        return Err(FormatError::field(&file, field, format!("{count} files"), expected));
+    }
+    let paths = names.iter().map(|name| resolve(header, field, name, options));
+    let paths = paths.collect::<Result<Vec<PathBuf>, _>>()?;
+    let part_bytes = total_bytes / count;
+    if let [path] = paths.as_slice() {
+        return decode(Stream::open(path)?, part_bytes);
+    }
+    for path in &paths {
+        decode(Stream::open(path)?, part_bytes)?;
+    }
+    let name = file.clone();
+    let open = move |part: usize| match paths.get(part) {
+        Some(path) => decode(Stream::open(path)?, part_bytes),
+        None => Err(FormatError::corrupt(&file, "a data file is missing")),
+    };
+    Ok(Stream::parts(name, count as usize, part_bytes, Box::new(open)))
 }
 
 /// Path of a data file that a header at `header` names; it must be another file than the header,

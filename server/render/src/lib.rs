@@ -6,6 +6,7 @@
 mod error;
 mod film;
 pub mod fit;
+mod frame;
 mod gpu;
 mod ray_cast;
 mod renderer;
@@ -16,6 +17,7 @@ mod tables;
 pub mod uniforms;
 mod view;
 mod volume_texture;
+mod warm_up;
 
 pub use error::RenderError;
 pub use gpu::{AdapterPolicy, Gpu};

@@ -2,13 +2,14 @@
 
 import { useUi } from "../app/uiStore";
 import { pictureState, useSession, type PictureState } from "../session/store";
-import { skippedShare, stateInWords } from "./figures";
+import { reusedShare, skippedShare, stateInWords } from "./figures";
 
 export function StatusLine() {
   const state = useSession(pictureState);
   const frame = useSession((session) => session.frame);
   const samples = useSession((session) => session.scene?.sampling.samples_per_pixel ?? 1);
   const skipped = useSession((session) => skippedShare(session.pictureReport));
+  const reused = useSession((session) => reusedShare(session.pictureReport));
   const software = useSession((session) => session.device?.software ?? session.status?.device.software ?? false);
   const { latencyMillis, framesPerSecond, megabitsPerSecond } = useSession((session) => session.readings);
   const open = useUi((ui) => ui.statisticsOpen);
@@ -22,6 +23,7 @@ export function StatusLine() {
         {error !== null && <Figure label="error" hint="Estimated error of the picture" value={`${(error * 100).toFixed(1)} %`} width={88} testId="status-error" />}
         <Figure label="input to picture" hint="Time from what you do to the picture that shows it; median of the last inputs" value={latencyMillis === null ? "–" : `${Math.round(latencyMillis)} ms`} width={150} testId="status-latency" />
         <Figure label="samples skipped" hint="Share of the samples on view rays that lie in empty space and cost nothing" value={skipped === null ? "–" : `${Math.round(skipped * 100)} %`} width={138} testId="status-skipped" />
+        <Figure label="rays reused" hint="Share of the pieces of view rays that the last edit of matter left as they were" value={reused === null ? "–" : `${Math.round(reused * 100)} %`} width={112} testId="status-reused" />
         <Figure label="" hint="Pixels of the picture on screen" value={frame ? `${frame.width} × ${frame.height}` : "–"} width={84} testId="status-resolution" />
         <Figure label="Mbit/s" hint="Received in the last seconds" value={megabitsPerSecond.toFixed(1)} width={78} testId="status-bandwidth" />
         <Figure label="fps" hint="Pictures per second, in the last seconds" value={framesPerSecond.toFixed(0)} width={46} testId="status-fps" />

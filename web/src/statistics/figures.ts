@@ -22,6 +22,13 @@ export function skippedShare(report: FrameReport | null): number | null {
   return skipped / (skipped + taken);
 }
 
+/** Share of the seen view-ray segments that outlived the last edit, 0..1; null where rays were cast whole. */
+export function reusedShare(report: FrameReport | null): number | null {
+  const { segments_reused: reused, segments_cast: cast } = report?.counters ?? {};
+  if (reused === undefined || cast === undefined || reused + cast === 0) return null;
+  return reused / (reused + cast);
+}
+
 /** What the statistics put first: what the last change was, or why the first picture was drawn. */
 export function headline(change: FrameReport | null, newest: FrameReport | null): string {
   if (change) return `Last change: ${change.changes.join(", ")}`;

@@ -1,7 +1,7 @@
 import { describe, expect, it } from "vitest";
 import type { FrameHeader, FrameReport, Light } from "../generated/proto";
 import { shortcoming } from "../quality/methods";
-import { formatCount, headline, passesRun, skippedShare, stateInWords } from "./figures";
+import { formatCount, headline, passesRun, reusedShare, skippedShare, stateInWords } from "./figures";
 
 const frame = { samples_per_pixel: 3, width: 640, height: 360, viewport_width: 640, viewport_height: 360 } as FrameHeader;
 const report = (counters: Record<string, number>): FrameReport => ({ changes: [], plan: [], stages: [], counters, gpu_bytes: {} });
@@ -20,6 +20,13 @@ describe("the status line", () => {
     expect(skippedShare(report({ samples_taken: 25 }))).toBeNull();
     expect(skippedShare(report({ samples_taken: 0, samples_skipped: 0 }))).toBeNull();
     expect(skippedShare(null)).toBeNull();
+  });
+
+  it("gives the share of reused rays only where some were kept", () => {
+    expect(reusedShare(report({ segments_reused: 30, segments_cast: 10 }))).toBe(0.75);
+    expect(reusedShare(report({ segments_reused: 0, segments_cast: 0 }))).toBeNull();
+    expect(reusedShare(report({ samples_taken: 25 }))).toBeNull();
+    expect(reusedShare(null)).toBeNull();
   });
 
   it("writes counts short", () => {

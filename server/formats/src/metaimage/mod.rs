@@ -4,7 +4,7 @@
 
 mod header;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use proto::scene_file::{Endian, VoxelType};
 
@@ -238,28 +238,9 @@ impl<'a> Source<'a> {
             }
             false => detached::listed_by_pattern(file, FIELD, value)?,
         };
-        let count = names.len() as u64;
-        if count == 0 || !total_bytes.is_multiple_of(count) {
-            let expected = format!("a number of files that divides the {total_bytes} bytes of data");
-            return Err(FormatError::field(file, FIELD, format!("{count} files"), expected));
-        }
-        let paths: Vec<PathBuf> = names
-            .iter()
-            .map(|name| detached::resolve(self.path, FIELD, name, self.options))
-            .collect::<Result<_, _>>()?;
-        let part_bytes = total_bytes / count;
-        if let [path] = paths.as_slice() {
-            return self.decode(Stream::open(path)?, part_bytes);
-        }
-        for path in &paths {
-            self.decode(Stream::open(path)?, part_bytes)?;
-        }
-        let name = file.clone();
-        let open = move |part: usize| match paths.get(part) {
-            Some(path) => self.decode(Stream::open(path)?, part_bytes),
-            None => Err(FormatError::corrupt(&self.header.file, "a data file is missing")),
-        };
-        Ok(Stream::parts(name, count as usize, part_bytes, Box::new(open)))
+        let (path, options) = (self.path, self.options);
+        let decode = move |stream, bytes| self.decode(stream, bytes);
+        detached::open_all(path, FIELD, &names, total_bytes, options, decode)
     }
 
     /// Applies the skip and the encoding to one file, and makes sure that it can hold the bytes.

@@ -1,6 +1,6 @@
 //! Where the voxels of an NRRD file are: after the header, in another file, or in several.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use proto::scene_file::VoxelType;
 
@@ -41,29 +41,9 @@ impl<'a> Source<'a> {
             return self.decode(attached, total_bytes);
         };
         let names = self.data_files(value)?;
-        let count = names.len() as u64;
-        if count == 0 || !total_bytes.is_multiple_of(count) {
-            let expected = format!("a number of files that divides the {total_bytes} bytes of data");
-            let got = format!("{count} files");
-            return Err(FormatError::field(&self.header.file, FIELD, got, expected));
-        }
-        let paths: Vec<PathBuf> = names
-            .iter()
-            .map(|name| detached::resolve(self.path, FIELD, name, self.options))
-            .collect::<Result<_, _>>()?;
-        let part_bytes = total_bytes / count;
-        if let [path] = paths.as_slice() {
-            return self.decode(Stream::open(path)?, part_bytes);
-        }
-        for path in &paths {
-            self.decode(Stream::open(path)?, part_bytes)?;
-        }
-        let file = self.header.file.clone();
-        let open = move |part: usize| match paths.get(part) {
-            Some(path) => self.decode(Stream::open(path)?, part_bytes),
-            None => Err(FormatError::corrupt(&self.header.file, "a data file is missing")),
-        };
-        Ok(Stream::parts(file, count as usize, part_bytes, Box::new(open)))
+        let (path, options) = (self.path, self.options);
+        let decode = move |stream, bytes| self.decode(stream, bytes);
+        detached::open_all(path, FIELD, &names, total_bytes, options, decode)
     }
 
     /// Applies skips and encoding to one file, and makes sure that it can hold the bytes.

@@ -1,52 +1,35 @@
 //! Draws snapshots into views, slice by slice, as the plan says.
 
+mod casting;
+
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use glam::DVec3;
 use proto::FieldError;
 use proto::plan::{FrameReport, StageTime};
 use proto::scene_file::{Method, ToneMapping};
 use scene::distance::distance_map;
 use scene::light::LightGeometry;
 use scene::plan::{FilmPlan, Pass, Plan, SegmentsPlan, Target};
-use scene::{Background, Rendering, Scene, Snapshot};
+use scene::{Scene, Snapshot};
 
 use crate::error::RenderError;
 use crate::film::ToneMapper;
-use crate::gpu::{Gpu, buffer_entry, texture_entry};
-use crate::ray_cast::{RayCaster, Variant, WORKGROUP_EDGE};
-use crate::segments::Segments;
+use crate::gpu::Gpu;
+use crate::ray_cast::{RayCaster, WORKGROUP_EDGE};
 use crate::tables;
-use crate::uniforms::{FrameUniform, MAX_PLANES};
+use crate::uniforms::FrameUniform;
 use crate::view::{
     FILM_PIXEL_BYTES, FilmCache, PICTURE_PIXEL_BYTES, TransferFunctionTables, View, ViewBuffers,
 };
-use crate::volume_texture::{VolumeCache, VolumeTexture};
+use crate::volume_texture::VolumeCache;
+use crate::warm_up::warm_up_scene;
+use casting::COUNTER_BYTES;
 
 /// Methods that can be drawn.
 pub const METHODS_BUILT: &[Method] = &[Method::Local];
 
-/// Length a slice aims at where no budget is given: far below any driver's watchdog.
-const UNHURRIED_SLICE: Duration = Duration::from_millis(200);
-/// A slice aims at this share of the budget, so that the last one seldom overshoots it by much.
-const SLICE_SHARE_OF_BUDGET: f64 = 0.5;
-/// The first slice of a view, whose speed is unknown, covers this share of the image's rows.
-const FIRST_SLICE_SHARE: u32 = 16;
-/// A slice has at least about this many pixels: below it, handing a dispatch to the device and
-/// waiting for it costs more than casting the rays (3 ms on an idle software device, ten times
-/// that on a busy one).
-const MIN_SLICE_PIXELS: u32 = 16_384;
-/// Names of the words of the counter buffer, in the shader's order.
-const COUNTERS: [&str; 6] = [
-    "samples_taken",
-    "samples_skipped",
-    "samples_on_lattice",
-    "samples_with_matter",
-    "segments_reused",
-    "segments_cast",
-];
 /// GPU memory for volumes no view holds any more.
 const VOLUME_CACHE_BYTES: u64 = 2 << 30;
 
@@ -447,139 +430,6 @@ impl Renderer {
         })
     }
 
-    /// Casts rays, rows by rows and pass by pass, until the target or the budget is reached.
-    fn cast_rays(
-        &mut self,
-        view: &mut View,
-        scene: &Scene,
-        request: &DrawRequest<'_>,
-        began: Instant,
-    ) -> Result<(), RenderError> {
-        let View { volume, transfer_function, distance_map, lights, film, buffers, segments, .. } = view;
-        let (
-            Some((_, texture)),
-            Some((_, tables)),
-            Some((_, distance_map)),
-            Some((_, lights)),
-            Some(film),
-            Some(buffers),
-        ) = (volume, transfer_function, distance_map, lights, film, buffers)
-        else {
-            return Err(RenderError::Gpu("a table of the view is missing".into()));
-        };
-        self.gpu.queue.write_buffer(&buffers.counters, 0, &[0; COUNTER_BYTES as usize]);
-        let mut uniform = frame_uniform(scene, texture, film);
-        let tables = BoundTables { texture, tables, distance_map, lights };
-        let mut pass: Option<SamplePass> = None;
-        while film.samples < request.target.samples_per_pixel {
-            let current = match pass.take().filter(|pass| pass.sample == film.samples) {
-                Some(pass) => pass,
-                None => self.sample_pass(scene, &tables, buffers, film, segments)?,
-            };
-            let rows = slice_rows(film, view.millis_per_megasample, request.budget);
-            uniform.segments_kept = u32::from(current.segments_kept);
-            uniform.first_row = film.rows;
-            uniform.row_count = rows;
-            uniform.sample_index = film.samples;
-            (uniform.subpixel, uniform.lattice_shift) = sample_position(film.samples);
-            let gpu = &self.gpu;
-            gpu.queue.write_buffer(&buffers.frame, 0, bytemuck::bytes_of(&uniform));
-            let slice_began = Instant::now();
-            let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-            {
-                let mut dispatch = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-                dispatch.set_pipeline(&current.pipeline);
-                dispatch.set_bind_group(0, &current.bind_group, &[]);
-                dispatch.dispatch_workgroups(
-                    film.width.div_ceil(WORKGROUP_EDGE),
-                    rows.div_ceil(WORKGROUP_EDGE),
-                    1,
-                );
-            }
-            gpu.queue.submit([encoder.finish()]);
-            gpu.wait()?;
-            let megasamples = f64::from(film.width) * f64::from(rows) / 1e6;
-            view.millis_per_megasample = slice_began.elapsed().as_secs_f64() * 1e3 / megasamples;
-            film.rows += rows;
-            if film.rows >= film.height {
-                if current.in_segments {
-                    segments.finish(film.samples, &film.snapshot);
-                }
-                film.rows = 0;
-                film.samples += 1;
-            }
-            pass = Some(current);
-            if request.budget.is_some_and(|budget| began.elapsed() >= budget) {
-                break;
-            }
-        }
-        Ok(())
-    }
-
-    /// Pipeline and bindings for one sample per pixel of the film.
-    fn sample_pass(
-        &mut self,
-        scene: &Scene,
-        tables: &BoundTables<'_>,
-        buffers: &ViewBuffers,
-        film: &FilmCache,
-        segments: &mut Segments,
-    ) -> Result<SamplePass, RenderError> {
-        let size = (film.width, film.height);
-        let layer = film.in_segments.then(|| segments.begin(&self.gpu, size, film.samples, &film.snapshot));
-        let layer = layer.flatten();
-        let mut variant = Variant::of(scene, tables.texture);
-        let mut changed_map = None;
-        if let Some(layer) = &layer {
-            variant.keep_segments = true;
-            if let Some(distances) = &layer.changed_distances {
-                changed_map = Some(self.cell_map("map of changes", scene, distances)?);
-            }
-        }
-        let pipeline = self.ray_caster.pipeline(variant);
-        let bindings = self.ray_caster.bindings(variant);
-        let segments = layer.as_ref().map_or(&bindings.no_segments, |layer| &layer.buffer);
-        let bind_group = self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("ray_cast"),
-            layout: &bindings.bind_group_layout,
-            entries: &[
-                buffer_entry(0, &buffers.frame),
-                texture_entry(1, &tables.tables.points),
-                texture_entry(2, &tables.tables.cells),
-                buffer_entry(3, &tables.tables.materials),
-                buffer_entry(4, tables.lights),
-                buffer_entry(5, &buffers.film),
-                buffer_entry(6, &buffers.counters),
-                texture_entry(7, &tables.texture.view),
-                wgpu::BindGroupEntry {
-                    binding: 8,
-                    resource: wgpu::BindingResource::Sampler(&bindings.sampler),
-                },
-                texture_entry(9, tables.distance_map),
-                buffer_entry(10, segments),
-                texture_entry(11, changed_map.as_ref().unwrap_or(tables.distance_map)),
-            ],
-        });
-        Ok(SamplePass {
-            sample: film.samples,
-            in_segments: layer.is_some(),
-            segments_kept: changed_map.is_some(),
-            pipeline,
-            bind_group,
-        })
-    }
-
-    fn read_counters(&self, view: &View, counters: &mut BTreeMap<String, u64>) -> Result<(), RenderError> {
-        let Some(buffers) = &view.buffers else { return Ok(()) };
-        let bytes = self.gpu.read_buffer(&buffers.counters, COUNTER_BYTES)?;
-        // Low word, then high word.
-        let words: Vec<u32> = bytemuck::pod_collect_to_vec(&bytes);
-        for (name, pair) in COUNTERS.iter().zip(words.chunks_exact(2)) {
-            counters.insert((*name).to_owned(), u64::from(pair[0]) | u64::from(pair[1]) << 32);
-        }
-        Ok(())
-    }
-
     fn gpu_bytes(&self, view: &View) -> BTreeMap<String, u64> {
         [("volumes", self.volumes.bytes()), ("film", view.bytes()), ("segments", view.segment_bytes())]
             .map(|(owner, bytes)| (owner.to_owned(), bytes))
@@ -596,48 +446,6 @@ fn centred(snapshot: &Arc<Snapshot>) -> Arc<Snapshot> {
     Arc::new(Snapshot { epoch: snapshot.epoch, scene: snapshot.scene.centred() })
 }
 
-/// A lit scene whose matter has a surface or none, and emits or not.
-fn warm_up_scene(surface: f64, emission: f64) -> proto::SceneFile {
-    use proto::scene_file as file;
-    let source =
-        file::VolumeSource { builtin: Some(file::Builtin::Homogeneous), ..file::VolumeSource::default() };
-    let mut scene = proto::SceneFile::new(source);
-    // What default scenes and samples use.
-    let brdf = Some(file::Brdf::BlinnPhong(file::BlinnPhong { diffuse: 0.9, specular: 0.1, exponent: 30.0 }));
-    scene.materials.insert("m".into(), file::Material { surface, brdf, ..file::Material::default() });
-    for point in &mut scene.transfer_function.points {
-        point.material = Some("m".into());
-        point.emission = [emission; 3];
-    }
-    let (direction, irradiance) = ([0.0, 0.0, -1.0], [1.0; 3]);
-    let light = file::DirectionalLight { id: None, enabled: true, direction, irradiance };
-    scene.lights.push(file::Light::Directional(light));
-    scene
-}
-
-/// What every pass of the ray caster over a view reads.
-struct BoundTables<'a> {
-    texture: &'a VolumeTexture,
-    tables: &'a TransferFunctionTables,
-    distance_map: &'a wgpu::TextureView,
-    lights: &'a wgpu::Buffer,
-}
-
-/// One sample per pixel: what its slices are dispatched with.
-struct SamplePass {
-    /// Index of the sample.
-    sample: u32,
-    /// Whether rays are cast in segments, which are kept.
-    in_segments: bool,
-    /// Whether segments kept before may serve again.
-    segments_kept: bool,
-    pipeline: wgpu::ComputePipeline,
-    bind_group: wgpu::BindGroup,
-}
-
-/// Two words a counter.
-const COUNTER_BYTES: u64 = 8 * COUNTERS.len() as u64;
-
 /// Times of stages in the order they ran.
 #[derive(Default)]
 struct Stages(Vec<StageTime>);
@@ -648,97 +456,5 @@ impl Stages {
         let value = run();
         self.0.push(StageTime { stage: stage.to_owned(), millis: began.elapsed().as_secs_f64() * 1e3 });
         value
-    }
-}
-
-/// Rows of the next slice: whole workgroups, as many as fit the time a slice may take.
-fn slice_rows(film: &FilmCache, millis_per_megasample: f64, budget: Option<Duration>) -> u32 {
-    let left = film.height - film.rows;
-    let aim = budget.map_or(UNHURRIED_SLICE, |budget| budget.mul_f64(SLICE_SHARE_OF_BUDGET));
-    let rows = if millis_per_megasample > 0.0 {
-        let row_millis = millis_per_megasample * f64::from(film.width) / 1e6;
-        (aim.as_secs_f64() * 1e3 / row_millis).min(f64::from(film.height)) as u32
-    } else {
-        film.height / FIRST_SLICE_SHARE
-    };
-    let whole_groups = |rows: u32| rows.div_ceil(WORKGROUP_EDGE) * WORKGROUP_EDGE;
-    let fewest = whole_groups(MIN_SLICE_PIXELS.div_ceil(film.width));
-    whole_groups(rows).max(fewest).min(left)
-}
-
-/// Position in the pixel square and shift of the lattice along the ray, in steps, of sample
-/// `index`. The first stands in the middle of everything; the others follow the additive
-/// recurrence of Roberts (R3), so that n samples are close to evenly spread for every n. They are
-/// the same for every pixel: the picture shows no noise, and accumulation refines the lattice.
-fn sample_position(index: u32) -> ([f32; 2], f32) {
-    // Reciprocal powers of the root of x^4 = x + 1.
-    const ROOT: f64 = 1.220_744_084_605_759_5;
-    let part = |power: i32, start: f64| (start + f64::from(index) * ROOT.powi(-power)).fract() as f32;
-    ([part(1, 0.5), part(2, 0.5)], part(3, 0.0))
-}
-
-/// `surface` of the frame uniform.
-fn surface(scene: &Scene) -> [f32; 4] {
-    match scene.rendering {
-        Rendering::Slice { normal, offset } => normal.extend(offset).as_vec4().to_array(),
-        Rendering::Isosurface { value } => {
-            let [low, high] = scene.value_range;
-            let s = if high > low { (value - low) / (high - low) } else { f64::MAX };
-            [0.0, 0.0, 0.0, s.clamp(-1e30, 1e30) as f32]
-        }
-        _ => [0.0; 4],
-    }
-}
-
-fn frame_uniform(scene: &Scene, texture: &VolumeTexture, film: &FilmCache) -> FrameUniform {
-    use scene::camera::Projection;
-    let camera = &scene.camera;
-    let (projection, half_height) = match camera.projection {
-        Projection::Perspective { tan_half_fov_y } => (0, tan_half_fov_y),
-        Projection::Orthographic { half_height } => (1, half_height),
-    };
-    let (s_scale, s_offset) = texture.s_from_texel(scene);
-    let mut planes = [[0.0; 4]; MAX_PLANES];
-    for (slot, (normal, offset)) in planes.iter_mut().zip(&scene.clip.planes) {
-        *slot = normal.extend(*offset).as_vec4().to_array();
-    }
-    let background = match scene.background {
-        Background::Color(color) => color,
-        // Only with an environment image as a light, which `check` refuses.
-        Background::Image { .. } => DVec3::ZERO,
-    };
-    FrameUniform {
-        eye: tables::vector(camera.eye),
-        half_height: half_height as f32,
-        forward: tables::vector(camera.forward),
-        projection,
-        right: tables::vector(camera.right),
-        step_world: scene.step_world() as f32,
-        up: tables::vector(camera.up),
-        termination: scene.sampling.termination_transmittance as f32,
-        size_world: tables::vector(scene.grid.size_world),
-        s_scale: s_scale as f32,
-        voxels: scene.grid.dims.map(|n| n as f32),
-        s_offset: s_offset as f32,
-        clip_low: tables::vector(scene.grid.world_from_unit(scene.clip.bounds[0])),
-        plane_count: scene.clip.planes.len() as u32,
-        clip_high: tables::vector(scene.grid.world_from_unit(scene.clip.bounds[1])),
-        light_count: tables::lights(scene).len() as u32,
-        background: tables::vector(background),
-        skip_empty: u32::from(scene.sampling.skip_empty),
-        ambient: tables::vector(tables::ambient(scene)),
-        point_count: scene.transfer_function.points.len() as u32,
-        image: [film.width, film.height],
-        first_row: 0,
-        row_count: 0,
-        subpixel: [0.5; 2],
-        lattice_shift: 0.0,
-        sample_index: 0,
-        segments_kept: 0,
-        pad0: 0,
-        pad1: 0,
-        pad2: 0,
-        surface: surface(scene),
-        planes,
     }
 }

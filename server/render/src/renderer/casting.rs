@@ -1,0 +1,211 @@
+//! Casting rays into a view's film, slice by slice.
+
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+use scene::Scene;
+
+use super::{DrawRequest, Renderer};
+use crate::error::RenderError;
+use crate::frame::{frame_uniform, sample_position};
+use crate::gpu::{buffer_entry, texture_entry};
+use crate::ray_cast::{Variant, WORKGROUP_EDGE};
+use crate::segments::Segments;
+use crate::view::{FilmCache, TransferFunctionTables, View, ViewBuffers};
+use crate::volume_texture::VolumeTexture;
+
+/// Length a slice aims at where no budget is given: far below any driver's watchdog.
+const UNHURRIED_SLICE: Duration = Duration::from_millis(200);
+/// A slice aims at this share of the budget, so that the last one seldom overshoots it by much.
+const SLICE_SHARE_OF_BUDGET: f64 = 0.5;
+/// The first slice of a view, whose speed is unknown, covers this share of the image's rows.
+const FIRST_SLICE_SHARE: u32 = 16;
+/// A slice has at least about this many pixels: below it, handing a dispatch to the device and
+/// waiting for it costs more than casting the rays (3 ms on an idle software device, ten times
+/// that on a busy one).
+const MIN_SLICE_PIXELS: u32 = 16_384;
+/// Names of the words of the counter buffer, in the shader's order.
+const COUNTERS: [&str; 6] = [
+    "samples_taken",
+    "samples_skipped",
+    "samples_on_lattice",
+    "samples_with_matter",
+    "segments_reused",
+    "segments_cast",
+];
+/// What every pass of the ray caster over a view reads.
+struct BoundTables<'a> {
+    texture: &'a VolumeTexture,
+    tables: &'a TransferFunctionTables,
+    distance_map: &'a wgpu::TextureView,
+    lights: &'a wgpu::Buffer,
+}
+
+/// One sample per pixel: what its slices are dispatched with.
+struct SamplePass {
+    /// Index of the sample.
+    sample: u32,
+    /// Whether rays are cast in segments, which are kept.
+    in_segments: bool,
+    /// Whether segments kept before may serve again.
+    segments_kept: bool,
+    pipeline: wgpu::ComputePipeline,
+    bind_group: wgpu::BindGroup,
+}
+
+/// Two words a counter.
+pub(super) const COUNTER_BYTES: u64 = 8 * COUNTERS.len() as u64;
+
+impl Renderer {
+    /// Casts rays, rows by rows and pass by pass, until the target or the budget is reached.
+    pub(super) fn cast_rays(
+        &mut self,
+        view: &mut View,
+        scene: &Scene,
+        request: &DrawRequest<'_>,
+        began: Instant,
+    ) -> Result<(), RenderError> {
+        let View { volume, transfer_function, distance_map, lights, film, buffers, segments, .. } = view;
+        let (
+            Some((_, texture)),
+            Some((_, tables)),
+            Some((_, distance_map)),
+            Some((_, lights)),
+            Some(film),
+            Some(buffers),
+        ) = (volume, transfer_function, distance_map, lights, film, buffers)
+        else {
+            return Err(RenderError::Gpu("a table of the view is missing".into()));
+        };
+        self.gpu.queue.write_buffer(&buffers.counters, 0, &[0; COUNTER_BYTES as usize]);
+        let mut uniform = frame_uniform(scene, texture, film);
+        let tables = BoundTables { texture, tables, distance_map, lights };
+        let mut pass: Option<SamplePass> = None;
+        while film.samples < request.target.samples_per_pixel {
+            let current = match pass.take().filter(|pass| pass.sample == film.samples) {
+                Some(pass) => pass,
+                None => self.sample_pass(scene, &tables, buffers, film, segments)?,
+            };
+            let rows = slice_rows(film, view.millis_per_megasample, request.budget);
+            uniform.segments_kept = u32::from(current.segments_kept);
+            uniform.first_row = film.rows;
+            uniform.row_count = rows;
+            uniform.sample_index = film.samples;
+            (uniform.subpixel, uniform.lattice_shift) = sample_position(film.samples);
+            let gpu = &self.gpu;
+            gpu.queue.write_buffer(&buffers.frame, 0, bytemuck::bytes_of(&uniform));
+            let slice_began = Instant::now();
+            let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            {
+                let mut dispatch = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+                dispatch.set_pipeline(&current.pipeline);
+                dispatch.set_bind_group(0, &current.bind_group, &[]);
+                dispatch.dispatch_workgroups(
+                    film.width.div_ceil(WORKGROUP_EDGE),
+                    rows.div_ceil(WORKGROUP_EDGE),
+                    1,
+                );
+            }
+            gpu.queue.submit([encoder.finish()]);
+            gpu.wait()?;
+            let megasamples = f64::from(film.width) * f64::from(rows) / 1e6;
+            view.millis_per_megasample = slice_began.elapsed().as_secs_f64() * 1e3 / megasamples;
+            film.rows += rows;
+            if film.rows >= film.height {
+                if current.in_segments {
+                    segments.finish(film.samples, &film.snapshot);
+                }
+                film.rows = 0;
+                film.samples += 1;
+            }
+            pass = Some(current);
+            if request.budget.is_some_and(|budget| began.elapsed() >= budget) {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Pipeline and bindings for one sample per pixel of the film.
+    fn sample_pass(
+        &mut self,
+        scene: &Scene,
+        tables: &BoundTables<'_>,
+        buffers: &ViewBuffers,
+        film: &FilmCache,
+        segments: &mut Segments,
+    ) -> Result<SamplePass, RenderError> {
+        let size = (film.width, film.height);
+        let layer = film.in_segments.then(|| segments.begin(&self.gpu, size, film.samples, &film.snapshot));
+        let layer = layer.flatten();
+        let mut variant = Variant::of(scene, tables.texture);
+        let mut changed_map = None;
+        if let Some(layer) = &layer {
+            variant.keep_segments = true;
+            if let Some(distances) = &layer.changed_distances {
+                changed_map = Some(self.cell_map("map of changes", scene, distances)?);
+            }
+        }
+        let pipeline = self.ray_caster.pipeline(variant);
+        let bindings = self.ray_caster.bindings(variant);
+        let segments = layer.as_ref().map_or(&bindings.no_segments, |layer| &layer.buffer);
+        let bind_group = self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("ray_cast"),
+            layout: &bindings.bind_group_layout,
+            entries: &[
+                buffer_entry(0, &buffers.frame),
+                texture_entry(1, &tables.tables.points),
+                texture_entry(2, &tables.tables.cells),
+                buffer_entry(3, &tables.tables.materials),
+                buffer_entry(4, tables.lights),
+                buffer_entry(5, &buffers.film),
+                buffer_entry(6, &buffers.counters),
+                texture_entry(7, &tables.texture.view),
+                wgpu::BindGroupEntry {
+                    binding: 8,
+                    resource: wgpu::BindingResource::Sampler(&bindings.sampler),
+                },
+                texture_entry(9, tables.distance_map),
+                buffer_entry(10, segments),
+                texture_entry(11, changed_map.as_ref().unwrap_or(tables.distance_map)),
+            ],
+        });
+        Ok(SamplePass {
+            sample: film.samples,
+            in_segments: layer.is_some(),
+            segments_kept: changed_map.is_some(),
+            pipeline,
+            bind_group,
+        })
+    }
+
+    pub(super) fn read_counters(
+        &self,
+        view: &View,
+        counters: &mut BTreeMap<String, u64>,
+    ) -> Result<(), RenderError> {
+        let Some(buffers) = &view.buffers else { return Ok(()) };
+        let bytes = self.gpu.read_buffer(&buffers.counters, COUNTER_BYTES)?;
+        // Low word, then high word.
+        let words: Vec<u32> = bytemuck::pod_collect_to_vec(&bytes);
+        for (name, pair) in COUNTERS.iter().zip(words.chunks_exact(2)) {
+            counters.insert((*name).to_owned(), u64::from(pair[0]) | u64::from(pair[1]) << 32);
+        }
+        Ok(())
+    }
+}
+
+/// Rows of the next slice: whole workgroups, as many as fit the time a slice may take.
+fn slice_rows(film: &FilmCache, millis_per_megasample: f64, budget: Option<Duration>) -> u32 {
+    let left = film.height - film.rows;
+    let aim = budget.map_or(UNHURRIED_SLICE, |budget| budget.mul_f64(SLICE_SHARE_OF_BUDGET));
+    let rows = if millis_per_megasample > 0.0 {
+        let row_millis = millis_per_megasample * f64::from(film.width) / 1e6;
+        (aim.as_secs_f64() * 1e3 / row_millis).min(f64::from(film.height)) as u32
+    } else {
+        film.height / FIRST_SLICE_SHARE
+    };
+    let whole_groups = |rows: u32| rows.div_ceil(WORKGROUP_EDGE) * WORKGROUP_EDGE;
+    let fewest = whole_groups(MIN_SLICE_PIXELS.div_ceil(film.width));
+    whole_groups(rows).max(fewest).min(left)
+}
