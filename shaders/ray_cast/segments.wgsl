@@ -21,7 +21,7 @@ override SEGMENTS: u32 = 1u;
 override KEEP_SEGMENTS: bool = false;
 const KNOWN = 0x80000000u;
 
-// Used again, cast.
+// Kept, whether they are seen or not; cast.
 var<private> segment_counts: vec2u;
 
 fn through_segments(way: Way, pixel_index: u32, keep: bool, counts: ptr<function, vec4u>) -> vec3f {
@@ -33,7 +33,9 @@ fn through_segments(way: Way, pixel_index: u32, keep: bool, counts: ptr<function
     var radiance = bitcast<vec3f>(sum.xyz);
     var transmittance = bitcast<f32>(sum.w & ~KNOWN);
     let is_current = stale == 0u && sum.w != 0u;
-    if !is_current {
+    if is_current {
+        segment_counts.x = SEGMENTS;
+    } else {
         radiance = vec3f(0.0);
         transmittance = 1.0;
     }
@@ -47,8 +49,8 @@ fn through_segments(way: Way, pixel_index: u32, keep: bool, counts: ptr<function
             let segment = select(segments[slot], vec4u(0u), is_stale);
             let seen = transmittance >= frame.termination;
             needed = seen && segment.w == 0u;
+            if segment.w != 0u { segment_counts.x += 1u; }
             if seen && !needed {
-                segment_counts.x += 1u;
                 radiance += transmittance * bitcast<vec3f>(segment.xyz);
                 transmittance *= bitcast<f32>(segment.w & ~KNOWN);
             }

@@ -84,7 +84,7 @@ fn recolouring_one_structure_casts_only_its_segments() {
     let edited = draw(&mut renderer, &mut view, &green, wanted);
     let (cast, reused) = (edited.counters["segments_cast"], edited.counters["segments_reused"]);
     assert!(cast > 0 && cast * 2 < all, "{cast} of {all} segments cast");
-    assert!(cast + reused <= all, "{:?}", edited.counters);
+    assert!(reused > cast, "{:?}", edited.counters);
     assert!(edited.counters["samples_taken"] < first.counters["samples_taken"]);
     assert_eq!(radiance(&mut renderer, &view), from_scratch(&mut renderer, &green, 2));
     // What lies behind the volume is no part of them.
