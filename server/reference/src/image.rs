@@ -183,6 +183,8 @@ pub fn render(scene: &Scene, request: &Request, progress: &Progress<'_>) -> Resu
         return Err(FieldError::new("image", "must have pixels, with at least 2 samples each"));
     }
     let began = Instant::now();
+    // A part of a volume lies off the origin; rays here start from a box around it.
+    let scene = &scene.centred();
     let integrator = match request.transport {
         Transport::Full => Integrator::Full(Tracer::new(scene, request.longest_path)),
         Transport::Local => Integrator::Local(LocalTracer::new(scene)?),

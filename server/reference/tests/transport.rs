@@ -11,7 +11,9 @@ use std::time::Duration;
 use common::*;
 use glam::DVec3;
 use reference::closed_forms::{self, HomogeneousBox};
-use reference::{Ended, Progress, Request, Transport};
+use reference::{Ended, Pixel, Progress, Request, Transport};
+use scene::levels::Reduction;
+use scene::part::Part;
 use scene::{PreparedVolume, Volume, Voxels};
 use serde_json::{Value, json};
 
@@ -350,4 +352,27 @@ fn local_is_unshadowed_single_scattering() {
     let expected = stopped * (3.0 * phase + 0.8 * 0.4);
     let estimate = estimate_local(&scene, 2);
     assert!((mean(&estimate) / expected - 1.0).abs() < 1e-9, "{} {expected}", mean(&estimate));
+}
+
+#[test]
+fn a_region_of_a_volume_is_judged_in_its_place() {
+    let whole = noise();
+    let region = [[0.2, 0.3, 0.1], [0.7, 0.9, 0.8]];
+    let part = Part::of_region(whole.volume.dims, 0, Some(region));
+    let part = Arc::new(whole.part(&part, Some(region), Reduction::Mean));
+    let patch = |clip: Value| {
+        json!({"transfer_function": uneven_matter([0.9, 0.5, 0.2], [0.0; 3]), "clip": clip,
+            "lights": [{"type": "point", "position": [0.4, 0.5, 0.6], "intensity": [1, 1, 1]}],
+            "camera": wide_camera()})
+    };
+    let request = Request { transport: Transport::Local, pixel: Pixel::Center, ..Request::new(12, 10, 2) };
+    let picture = |volume: &Arc<PreparedVolume>, clip: Value| {
+        reference::render(&scene(volume, patch(clip)), &request, &Progress::default()).unwrap().mean
+    };
+    let clipped = picture(&whole, json!({"box": region}));
+    let alone = picture(&part, json!({}));
+    assert!(clipped.iter().flatten().sum::<f64>() > 1.0);
+    for (a, b) in clipped.iter().flatten().zip(alone.iter().flatten()) {
+        assert!((a - b).abs() < 1e-3 * (0.1 + a), "{a} {b}");
+    }
 }
