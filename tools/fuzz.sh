@@ -28,11 +28,12 @@ MAX_INPUT_BYTES=4096
 host=$(rustc -vV | sed -n 's/^host: //p')
 say "building the fuzz targets"
 # Given a target, cargo leaves what runs during the build without instruments.
-RUSTFLAGS="--cfg fuzzing -Cpasses=sancov-module \
+RUSTFLAGS="-Cpasses=sancov-module \
 -Cllvm-args=-sanitizer-coverage-level=4 \
 -Cllvm-args=-sanitizer-coverage-inline-8bit-counters \
 -Cllvm-args=-sanitizer-coverage-pc-table \
--Cllvm-args=-sanitizer-coverage-trace-compares" \
+-Cllvm-args=-sanitizer-coverage-trace-compares \
+--cfg fuzzing" \
   cargo build --release --locked --quiet \
   --manifest-path "$FUZZ/Cargo.toml" --target "$host" --target-dir "$BUILD"
 
