@@ -13,7 +13,7 @@
 # A browser that hangs must not hold the machine for ever.
 BROWSER_TESTS_SECONDS=900
 # Each reader's fuzz target; `make fuzz` takes longer and finds more.
-FUZZ_SECONDS=4
+FUZZ_SECONDS=3
 
 web_unit_tests() {
   tools/node.sh install web
