@@ -8,10 +8,12 @@ SUITE ?=
 OUT ?= bench-out
 # Repetitions of `make soak`.
 REPEATS ?= 1000
+# Seconds for each target of `make fuzz`.
+SECONDS ?= 10
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help serve test check build bench soak web-types setup setup-test clean
+.PHONY: help serve test check build bench soak fuzz web-types setup setup-test clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s%s\n", $$1, $$2 }' Makefile
@@ -33,6 +35,9 @@ bench: build ## run time against error, edits, streaming (SUITE= OUT=bench-out)
 
 soak: setup ## the Rust tests a thousandfold, for hours (REPEATS=1000)
 	@tools/soak.sh "$(REPEATS)"
+
+fuzz: setup ## files made by chance against every reader (SECONDS=10 for each)
+	@tools/fuzz.sh "$(SECONDS)"
 
 web-types: setup ## write the web client's types from proto
 	@tools/web-types.sh

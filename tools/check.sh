@@ -7,7 +7,18 @@
 # shellcheck source=tools/lib.sh
 . "$(dirname "$0")/lib.sh"
 
-lock_file() { cargo metadata --locked --format-version 1 --quiet >/dev/null; }
+# The fuzz targets are a workspace of their own.
+FUZZ=server/formats/fuzz/Cargo.toml
+
+lock_files() {
+  cargo metadata --locked --format-version 1 --quiet >/dev/null
+  cargo metadata --locked --format-version 1 --quiet --manifest-path "$FUZZ" >/dev/null
+}
+
+rust_format() {
+  cargo fmt --all --check
+  cargo fmt --check --manifest-path "$FUZZ"
+}
 
 web_client() {
   tools/node.sh install web
@@ -27,8 +38,8 @@ shell_scripts() {
   fi
 }
 
-step "Cargo.lock is current" lock_file
-step "rustfmt" cargo fmt --all --check
+step "Cargo.lock is current" lock_files
+step "rustfmt" rust_format
 step "shell scripts" shell_scripts
 step "web client: types and lint" web_client
 # Before clippy: the server's crate takes the built client in.

@@ -5,7 +5,6 @@
 //! stays what it was. Rows run from the top pole, polar angle `theta`; a row between `theta_0`
 //! and `theta_1` covers a solid angle in proportion to `cos theta_0 - cos theta_1`.
 
-use std::cell::RefCell;
 use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;
@@ -121,22 +120,13 @@ fn read_hdr(path: &Path, limits: &Limits) -> Result<Environment, FormatError> {
 
 fn read_exr(path: &Path, limits: &Limits) -> Result<Environment, FormatError> {
     let (file, reader, _) = Stream::open(path)?.into_plain()?;
-    let refused = RefCell::new(None);
+    check_exr(&file, reader, limits)?;
+    let (_, reader, _) = Stream::open(path)?.into_plain()?;
     let image = exr::prelude::read()
         .no_deep_data()
         .largest_resolution_level()
         .rgb_channels(
-            |size, _| {
-                // Memory is only reserved for a size that has been checked.
-                let (width, height) = (size.width(), size.height());
-                match check_size(&file, width, height, limits) {
-                    Ok(()) => Shrinking::new(width, height),
-                    Err(error) => {
-                        refused.replace(Some(error));
-                        Shrinking::new(1, 1)
-                    }
-                }
-            },
+            |size, _| Shrinking::new(size.width(), size.height()),
             |shrinking: &mut Shrinking, at, (r, g, b): (f32, f32, f32)| {
                 shrinking.add(at.x(), at.y(), [r, g, b]);
             },
@@ -145,13 +135,31 @@ fn read_exr(path: &Path, limits: &Limits) -> Result<Environment, FormatError> {
         .all_attributes()
         // One thread adds up the texels in one order: the result is the same everywhere.
         .non_parallel()
-        .from_buffered(reader);
-    if let Some(error) = refused.into_inner() {
-        return Err(error);
-    }
-    let image =
-        image.map_err(|error| FormatError::corrupt(&file, format!("the image cannot be read: {error}")))?;
+        .from_buffered(reader)
+        .map_err(|error| unreadable(&file, error))?;
     Ok(image.layer_data.channel_data.pixels.finish())
+}
+
+fn unreadable(file: &str, error: exr::error::Error) -> FormatError {
+    FormatError::corrupt(file, format!("the image cannot be read: {error}"))
+}
+
+/// Refuses sizes beyond the limits. The decoder reserves memory for a whole block of texels by
+/// what the header says, for every layer it meets.
+fn check_exr(file: &str, reader: BufReader<File>, limits: &Limits) -> Result<(), FormatError> {
+    let meta = exr::meta::MetaData::read_from_buffered(reader, false);
+    for header in &meta.map_err(|error| unreadable(file, error))?.headers {
+        let (width, height) = (header.layer_size.width(), header.layer_size.height());
+        check_size(file, width, height, limits)?;
+        let block = header.max_block_pixel_size();
+        let texels = block.width().min(width) as u64 * block.height().min(height) as u64;
+        let bytes = texels.saturating_mul(header.channels.bytes_per_pixel as u64);
+        if bytes > limits.max_voxel_bytes {
+            let (file, what, got) = (file.to_owned(), "bytes of a block of texels", bytes.to_string());
+            return Err(FormatError::TooLarge { file, what, got, limit: limits.max_voxel_bytes });
+        }
+    }
+    Ok(())
 }
 
 /// An image that is being averaged down to the budget.

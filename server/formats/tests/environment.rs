@@ -103,6 +103,25 @@ fn what_is_refused() {
     assert!(environment(&write(folder.path(), "e.exr", &[&bytes[..bytes.len() / 2]])).is_err());
 }
 
+/// The decoder would reserve memory for a block of texels before it notices that none are there.
+#[test]
+fn a_header_that_lies_about_its_size_reserves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut bytes = include_bytes!("../fuzz/seeds/environment/zip.exr").to_vec();
+    let key = b"dataWindow\0box2i\0";
+    let window = bytes.windows(key.len()).position(|window| window == key).unwrap() + key.len() + 4;
+    // From 9 x 6 texels to 2^29 x 16: one block of 100 GB.
+    bytes[window + 8..window + 12].copy_from_slice(&0x1FFF_FFFF_u32.to_le_bytes());
+    bytes[window + 12..window + 16].copy_from_slice(&15_u32.to_le_bytes());
+    let message = environment(&write(folder.path(), "a.exr", &[&bytes])).unwrap_err().to_string();
+    assert!(message.contains("texels along an axis"), "{message}");
+
+    let limits = Limits { max_voxel_bytes: 9 * 6 * 12 - 1, ..Limits::default() };
+    let path = write(folder.path(), "b.exr", &[include_bytes!("../fuzz/seeds/environment/zip.exr")]);
+    let message = read_environment(&path, &limits).unwrap_err().to_string();
+    assert!(message.contains("bytes of a block of texels"), "{message}");
+}
+
 #[test]
 fn shared_environments_keep_their_suns() {
     let Some(folder) = shared_data("environment images") else {

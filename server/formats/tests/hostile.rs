@@ -108,25 +108,6 @@ fn nifti(version: u8) -> NiftiFile {
     }
 }
 
-const NRRD_TEXT: &str = "NRRD0005\ntype: float\ndimension: 4\nspace: RAS\nsizes: 2 5 4 3\n\
-    space directions: none (1,0,0) (0,0,-2) (0,1,0)\nspace origin: (1,2,3)\nendian: big\n\
-    kinds: list domain domain domain\nbyte skip: 0\nline skip: 0\n";
-
-const METAIMAGE_TEXT: &str = "ObjectType = Image\nNDims = 4\nDimSize = 5 4 3 2\n\
-    BinaryDataByteOrderMSB = True\nElementType = MET_FLOAT\nElementSpacing = 1 2 3 4\n\
-    TransformMatrix = 0 1 0 0 -1 0 0 0 0 0 1 0 0 0 0 1\nOffset = 1 2 3 4\n";
-
-const ZARRAY: &str = "{\"zarr_format\": 2, \"shape\": [2, 3, 4], \"chunks\": [2, 3, 4], \
-    \"dtype\": \"<u2\", \"compressor\": {\"id\": \"blosc\"}, \"fill_value\": 0, \"order\": \"C\", \
-    \"filters\": null}";
-
-const ZARR_JSON: &str = "{\"zarr_format\": 3, \"node_type\": \"array\", \"shape\": [2, 3, 4], \
-    \"data_type\": \"uint16\", \"chunk_grid\": {\"name\": \"regular\", \"configuration\": \
-    {\"chunk_shape\": [2, 3, 4]}}, \"chunk_key_encoding\": {\"name\": \"default\"}, \"codecs\": \
-    [{\"name\": \"sharding_indexed\", \"configuration\": {\"chunk_shape\": [2, 3, 4], \"codecs\": \
-    [{\"name\": \"bytes\"}, {\"name\": \"gzip\"}], \"index_codecs\": [{\"name\": \"bytes\"}]}}], \
-    \"fill_value\": 0}";
-
 proptest! {
     #![proptest_config(ProptestConfig { cases: 600, failure_persistence: None, ..ProptestConfig::default() })]
 

@@ -125,3 +125,18 @@ fn pages_that_differ_are_refused() {
     encoder.write_image::<Gray8>(4, 5, &[0; 20]).unwrap();
     refused(read(&path), "a.tif", &["page 1", "4 x 5", "5 x 4"]);
 }
+
+/// The decoder reserves memory for as many values as the entry of a directory states.
+#[test]
+fn tables_that_lie_about_their_length_reserve_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.tif");
+    stack(&path, "nothing special");
+    let mut bytes = std::fs::read(&path).unwrap();
+    // The sample format of the last page: one 16-bit number.
+    let entry = [0x53, 0x01, 3, 0, 1, 0, 0, 0];
+    let last = bytes.windows(entry.len()).rposition(|window| window == entry).unwrap();
+    bytes[last + 4..last + 8].copy_from_slice(&0x03FF_FFFF_u32.to_le_bytes());
+    std::fs::write(&path, &bytes).unwrap();
+    refused(read(&path), "a.tif", &["page 5", "limits"]);
+}

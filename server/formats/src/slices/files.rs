@@ -144,7 +144,7 @@ pub(super) fn decode(path: &Path, expected: Page) -> Result<Vec<u8>, FormatError
         return Err(FormatError::field(&file, "size and type", got, expected));
     }
     if !is_png(path) {
-        return TiffPages::open(path)?.decode(0, page);
+        return TiffPages::open_for(path, page)?.decode(0, page);
     }
     let decoder = png(path)?;
     let bytes = decoder.total_bytes();

@@ -69,7 +69,7 @@ pub(crate) fn read_stack(path: &Path, options: &ReadOptions<'_>) -> Result<Impor
     let (layout, size) = plan.check(options, &mut notices)?;
     let chosen: Vec<usize> =
         (0..depth).filter_map(|z| walked.places.get(arrangement.page(z, size.volume)).copied()).collect();
-    let mut pages = TiffPages::open(path)?;
+    let mut pages = TiffPages::open_for(path, walked.page)?;
     let decode = move |place: usize| pages.decode(place, walked.page);
     plan.read(&layout, &size, chosen, Box::new(decode), &arrangement, Format::Tiff, options, notices)
 }

@@ -17,6 +17,9 @@ use crate::stream::Stream;
 
 /// Bytes of one value of a directory: strip tables of a large page, a long description.
 const MAX_TAG_BYTES: usize = 16 << 20;
+/// Memory for the values of a directory's entry, bytes; the decoder takes 32 bytes for each and
+/// reserves them by the count that the entry states. Room for a table of four million strips.
+const MAX_TABLE_BYTES: usize = 128 << 20;
 /// Largest page that is decoded, bytes.
 const MAX_PAGE_BYTES: u64 = 4 << 30;
 /// Bytes that a compressed strip may take beyond what it decodes to.
@@ -40,14 +43,24 @@ pub(super) struct Walked {
 }
 
 impl TiffPages {
+    /// Opens a file to look at its pages.
     pub(super) fn open(path: &Path) -> Result<Self, FormatError> {
+        Self::with_room(path, 0)
+    }
+
+    /// Opens a file to decode pages of a size that has been held against the limits.
+    pub(super) fn open_for(path: &Path, page: Page) -> Result<Self, FormatError> {
+        Self::with_room(path, page.bytes().min(MAX_PAGE_BYTES))
+    }
+
+    fn with_room(path: &Path, page_bytes: u64) -> Result<Self, FormatError> {
         let (file, reader, _) = Stream::open(path)?.into_plain()?;
-        // Pages are held against tighter limits before they are decoded, see `Plan::check`.
-        let page_bytes = usize::try_from(MAX_PAGE_BYTES).unwrap_or(usize::MAX);
+        // One limit of the decoder bounds both tables and pages.
+        let room = usize::try_from(page_bytes).unwrap_or(usize::MAX).max(MAX_TABLE_BYTES);
         let mut limits = Limits::default();
         limits.ifd_value_size = MAX_TAG_BYTES;
-        limits.decoding_buffer_size = page_bytes;
-        limits.intermediate_buffer_size = page_bytes.saturating_add(STRIP_SLACK_BYTES);
+        limits.decoding_buffer_size = room;
+        limits.intermediate_buffer_size = room.saturating_add(STRIP_SLACK_BYTES);
         let decoder = Decoder::new(reader).map_err(|error| refused(&file, 0, &error))?;
         Ok(Self { file, decoder: decoder.with_limits(limits), at: 0 })
     }

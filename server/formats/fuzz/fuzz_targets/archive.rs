@@ -1,0 +1,6 @@
+//! See `cases::archive`.
+#![no_main]
+
+use formats_fuzz::{cases, run};
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| run(cases::archive, bytes));
