@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Usage: tools/test.sh
 #
-# Every test: Rust, fuzz targets, web client, and a real browser against the release binary.
+# Every test: Rust, web client, and a real browser against the release binary.
 
 # shellcheck source=tools/lib.sh
 . "$(dirname "$0")/lib.sh"
@@ -12,8 +12,6 @@
 
 # A browser that hangs must not hold the machine for ever.
 BROWSER_TESTS_SECONDS=900
-# Each reader's fuzz target; `make fuzz` takes longer and finds more.
-FUZZ_SECONDS=3
 
 web_unit_tests() {
   tools/node.sh install web
@@ -34,7 +32,6 @@ say "browser: $CHROMIUM"
 step "build" tools/build.sh
 if [ -n "$FAILED_STEPS" ]; then finish test; fi # or an older binary would be tested
 step "Rust tests" cargo test --release --workspace --no-fail-fast
-step "fuzz targets" tools/fuzz.sh "$FUZZ_SECONDS"
 step "web client: unit tests" web_unit_tests
 step "browser tests" browser_tests
 finish test
