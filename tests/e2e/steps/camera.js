@@ -1,12 +1,12 @@
 import assert from "node:assert/strict";
-import { isGreen, isViolet } from "../lib/colours.js";
+import { isTeal, isMagenta } from "../lib/colours.js";
 import { difference, isLit, region } from "../lib/pixels.js";
 import { sessionOf, step, theLetter } from "../lib/world.js";
 
 /** Two pictures of one view: the mean channel differs by less. */
 const SAME = 0.05;
 
-const knobOf = (picture) => region(picture, isViolet);
+const knobOf = (picture) => region(picture, isMagenta);
 
 export function cameraSteps() {
   step("camera: the front follows the mouse, the wheel zooms, keys turn, R goes back", async (arrive) => {
@@ -41,7 +41,7 @@ export function cameraSteps() {
     // From the patient's left the foot is seen from its end, and the knob points to the left.
     await visitor.key("3");
     const side = await visitor.picture();
-    assert.ok(knobOf(side).x < region(side, isGreen).x - 0.1, "the front is on the left, seen from the left");
+    assert.ok(knobOf(side).x < region(side, isTeal).x - 0.1, "the front is on the left, seen from the left");
 
     await visitor.key("r");
     assert.ok(difference(start, await visitor.picture()).mean < SAME, "R goes back");

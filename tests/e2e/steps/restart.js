@@ -1,5 +1,5 @@
 import assert from "node:assert/strict";
-import { isViolet } from "../lib/colours.js";
+import { isMagenta } from "../lib/colours.js";
 import { FINAL_MILLIS } from "../lib/page.js";
 import { difference, meanLuma, pictureFromPng, region } from "../lib/pixels.js";
 import { until } from "../lib/wait.js";
@@ -28,7 +28,7 @@ export function restartSteps() {
     await until("the page is back", FINAL_MILLIS, async () => (await visitor.data("viewport", "state")) !== "offline");
     const after = await visitor.picture();
     assert.ok(difference(before, after).mean < 0.05, "the same scene from the same side");
-    assert.equal(region(after, isViolet).share, 0, "the edit is kept");
+    assert.equal(region(after, isMagenta).share, 0, "the edit is kept");
     assert.equal(await visitor.at("offline-mark").count(), 0);
     assert.ok(meanLuma(await photograph()) > 0.95 * bright, "no longer dimmed");
   });

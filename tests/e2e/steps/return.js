@@ -1,5 +1,5 @@
 import assert from "node:assert/strict";
-import { isViolet } from "../lib/colours.js";
+import { isMagenta } from "../lib/colours.js";
 import { difference, region } from "../lib/pixels.js";
 import { sessionOf, step, theLetter } from "../lib/world.js";
 
@@ -14,7 +14,7 @@ export function returnSteps() {
     await visitor.dragToZero("tf-band-4");
     const edited = await visitor.picture();
     assert.ok(difference(start, edited).mean > 1, "the edits are seen");
-    assert.equal(region(edited, isViolet).share, 0);
+    assert.equal(region(edited, isMagenta).share, 0);
 
     const session = visitor.session();
     await visitor.page.reload();

@@ -1,5 +1,5 @@
 import assert from "node:assert/strict";
-import { isGreen, isViolet } from "../lib/colours.js";
+import { isTeal, isMagenta } from "../lib/colours.js";
 import { difference, region } from "../lib/pixels.js";
 import { SHORT_MILLIS } from "../lib/page.js";
 import { until } from "../lib/wait.js";
@@ -14,7 +14,7 @@ export function transferSteps() {
   step("transfer function: a drag takes matter away and one undo brings it back", async (arrive) => {
     const visitor = await arrive({ hash: await sessionOf(await theLetter()) });
     const start = await visitor.picture();
-    assert.ok(region(start, isViolet).share > 0.01);
+    assert.ok(region(start, isMagenta).share > 0.01);
     const before = await opacities(visitor);
     assert.ok(before.every((opacity) => opacity > 0.9), `opacities: ${before}`);
     assert.ok(await visitor.at("undo").isDisabled());
@@ -22,9 +22,9 @@ export function transferSteps() {
     await visitor.dragToZero(KNOB_BAND);
     const without = await visitor.picture();
     assert.deepEqual(await opacities(visitor), [0, 0]);
-    assert.equal(region(without, isViolet).share, 0, "the knob is gone");
-    const [green, greenBefore] = [without, start].map((picture) => region(picture, isGreen).share);
-    assert.ok(green > greenBefore, `what was behind it is seen: ${greenBefore} to ${green}`);
+    assert.equal(region(without, isMagenta).share, 0, "the knob is gone");
+    const [teal, tealBefore] = [without, start].map((picture) => region(picture, isTeal).share);
+    assert.ok(teal > tealBefore, `what was behind it is seen: ${tealBefore} to ${teal}`);
 
     await visitor.key("z");
     const undone = await visitor.picture();

@@ -3,7 +3,7 @@ import { cut, difference, isLit, region } from "../lib/pixels.js";
 import { letterL, realScan, truncatedNrrd } from "../lib/volumes.js";
 import { until } from "../lib/wait.js";
 import { sessionOf, step, theLetter } from "../lib/world.js";
-import { isGreen, isViolet } from "../lib/colours.js";
+import { isTeal, isMagenta } from "../lib/colours.js";
 
 const UPLOAD_MILLIS = 20_000;
 
@@ -30,13 +30,13 @@ export function uploadSteps() {
     assert.equal(await visitor.at("dataset-select").locator("option:checked").innerText(), "letter");
 
     // Seen from the front, the patient's left is on the right: there stands the tower.
-    const whole = region(picture, isGreen);
+    const whole = region(picture, isTeal);
     assert.ok(whole.share > 0.1, `share of the letter: ${whole.share}`);
-    const top = region(cut(picture, [0, 0], [1, 0.45]), isGreen);
-    const bottom = region(cut(picture, [0, 0.55], [1, 1]), isGreen);
+    const top = region(cut(picture, [0, 0], [1, 0.45]), isTeal);
+    const bottom = region(cut(picture, [0, 0.55], [1, 1]), isTeal);
     assert.ok(top.share > 0.03 && top.x > 0.62, `tower: ${JSON.stringify(top)}`);
     assert.ok(bottom.share > 2 * top.share && Math.abs(bottom.x - 0.5) < 0.1, `foot: ${JSON.stringify(bottom)}`);
-    const knob = region(picture, isViolet);
+    const knob = region(picture, isMagenta);
     assert.ok(knob.share > 0.01 && knob.y > 0.55 && Math.abs(knob.x - 0.5) < 0.1, `knob: ${JSON.stringify(knob)}`);
     assert.deepEqual(visitor.complaints, []);
   });
