@@ -40,7 +40,7 @@ RUSTFLAGS="-Cpasses=sancov-module \
 # Readers take paths: each case is written to a file, in memory where that is possible.
 in_memory=/dev/shm
 if ! [ -w "$in_memory" ]; then in_memory="$BUILD"; fi
-TMPDIR=$(mktemp -d "$in_memory/tyndall-fuzz.XXXXXX")
+TMPDIR=$(mktemp -d -p "$in_memory")
 trap 'rm -rf "$TMPDIR"' EXIT
 # One thread: a case takes microseconds.
 RAYON_NUM_THREADS=1

@@ -12,7 +12,7 @@
 
 @group(0) @binding(5) var<storage, read_write> film: array<vec4f>;
 // Pairs of low and high words: samples (steps) taken, skipped, on the lattice; parts with matter;
-// view-ray segments used again, cast.
+// view-ray segments kept, cast.
 @group(0) @binding(6) var<storage, read_write> counters: array<atomic<u32>>;
 
 // What a pixel shows.

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use scene::distance::distance_map;
-use scene::plan::{SegmentsState, bins_changed_since};
+use scene::plan::{SegmentsState, bins_changed_since, stale_share};
 use scene::{Scene, Snapshot};
 
 use crate::gpu::Gpu;
@@ -166,9 +166,6 @@ impl Segments {
 /// Distance of every macrocell to one in which matter changed; `None` if that is most of them.
 fn changed_distances(scene: &Scene, bins: u64) -> Option<Vec<u8>> {
     let cells = &scene.volume.macrocells;
-    let masks = cells.masks(scene.filter);
-    let in_view = scene.bins_in_view() | bins;
-    let seen = masks.iter().filter(|mask| *mask & in_view != 0).count();
-    let changed = masks.iter().filter(|mask| *mask & bins != 0).count();
-    (changed as f32 <= WORTHWHILE_SHARE * seen as f32).then(|| distance_map(cells.dims, masks, bins))
+    let worthwhile = stale_share(scene, scene.bins_in_view() | bins, bins) <= WORTHWHILE_SHARE;
+    worthwhile.then(|| distance_map(cells.dims, cells.masks(scene.filter), bins))
 }

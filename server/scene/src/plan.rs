@@ -331,10 +331,7 @@ fn segments(caches: &Caches<'_>, scene: &Scene) -> Result<(SegmentsPlan, String)
     }
     if let Some(bins) = bins_changed_since(&state.bases, scene) {
         let in_view = state.bases.iter().fold(scene.bins_in_view(), |all, base| all | base.bins_in_view());
-        let masks = scene.volume.macrocells.masks(scene.filter);
-        let seen = masks.iter().filter(|mask| *mask & in_view != 0).count();
-        let stale = masks.iter().filter(|mask| *mask & in_view != 0 && *mask & bins != 0).count();
-        let stale_share = stale as f32 / seen.max(1) as f32;
+        let stale_share = stale_share(scene, in_view, bins);
         let reason = format!("matter changed in {:.0} % of the cells that hold any", 100.0 * stale_share);
         return Ok((SegmentsPlan::Reuse { stale_share }, reason));
     }
@@ -350,6 +347,14 @@ fn segments(caches: &Caches<'_>, scene: &Scene) -> Result<(SegmentsPlan, String)
         }
         _ => Err("no edit of matter alone".into()),
     }
+}
+
+/// Share of the cells that hold a bin in view in which matter changed in one of `bins`, 0..1.
+pub fn stale_share(scene: &Scene, in_view: u64, bins: u64) -> f32 {
+    let masks = scene.volume.macrocells.masks(scene.filter);
+    let seen = masks.iter().filter(|mask| *mask & in_view != 0);
+    let stale = seen.clone().filter(|mask| *mask & bins != 0).count();
+    stale as f32 / seen.count().max(1) as f32
 }
 
 /// Bins in which matter changed since any of the scenes that segments were cast for, if nothing
