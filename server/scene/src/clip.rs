@@ -32,4 +32,21 @@ impl Clip {
             shadows: clip.shadows,
         }
     }
+
+    /// The part of `interval` at which `start + t * along` (world) lies on the kept side of every
+    /// plane; `None` if there is none. What is kept is convex, so it is one interval.
+    pub(crate) fn cut_by_planes(&self, start: DVec3, along: DVec3, interval: [f64; 2]) -> Option<[f64; 2]> {
+        let [mut near, mut far] = interval;
+        for &(normal, offset) in &self.planes {
+            let (height, slope) = (normal.dot(start) - offset, normal.dot(along));
+            if slope > 0.0 {
+                near = near.max(-height / slope);
+            } else if slope < 0.0 {
+                far = far.min(-height / slope);
+            } else if height < 0.0 {
+                return None;
+            }
+        }
+        Some([near, far])
+    }
 }

@@ -126,16 +126,7 @@ fn kept_interval(scene: &Scene, origin: DVec3, direction: DVec3) -> Option<[f64;
         near = near.max(ends[0].min(ends[1]));
         far = far.min(ends[0].max(ends[1]));
     }
-    for &(normal, offset) in &scene.clip.planes {
-        let (height, slope) = (normal.dot(origin) - offset, normal.dot(direction));
-        if slope > 0.0 {
-            near = near.max(-height / slope);
-        } else if slope < 0.0 {
-            far = far.min(-height / slope);
-        } else if height < 0.0 {
-            return None;
-        }
-    }
+    let [near, far] = scene.clip.cut_by_planes(origin, direction, [near, far])?;
     (near < far && far.is_finite()).then_some([near, far])
 }
 

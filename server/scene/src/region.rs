@@ -50,19 +50,10 @@ fn kept_of_row(scene: &Scene, y: usize, z: usize) -> Range<usize> {
     if outside(1) || outside(2) {
         return 0..0;
     }
-    let (mut near, mut far) = (low.x * dims[0], high.x * dims[0]);
+    let box_interval = [low.x * dims[0], high.x * dims[0]];
     let start = scene.grid.world_from_unit(row);
     let along = scene.grid.world_from_unit(unit(1.0)) - start;
-    for &(normal, offset) in &scene.clip.planes {
-        let (height, slope) = (normal.dot(start) - offset, normal.dot(along));
-        if slope > 0.0 {
-            near = near.max(-height / slope);
-        } else if slope < 0.0 {
-            far = far.min(-height / slope);
-        } else if height < 0.0 {
-            return 0..0;
-        }
-    }
+    let Some([near, far]) = scene.clip.cut_by_planes(start, along, box_interval) else { return 0..0 };
     // Centres at or after `near` and at or before `far`; negative numbers become 0.
     let first = (near - 0.5).ceil() as usize;
     let end = ((far - 0.5).floor() + 1.0).min(dims[0]) as usize;
