@@ -88,6 +88,10 @@ pub mod limits {
     pub const MAX_IMAGE_EDGE: u32 = 8192;
     /// Largest edge of a built-in or raw volume, voxels.
     pub const MAX_VOLUME_EDGE: u32 = 2048;
+    /// Most paths of a pixel.
+    pub const MAX_PATHS_PER_PIXEL: u32 = 1 << 20;
+    /// Most scattering events of a path.
+    pub const MAX_PATH_LENGTH: u32 = 1_000_000_000;
     /// Most segments a view ray is kept in.
     pub const MAX_SEGMENTS: u32 = 32;
     /// Coarsest level of a volume that can be asked for.
@@ -768,11 +772,25 @@ impl<'de> Deserialize<'de> for Orders {
 }
 
 /// The illumination method; its parameters stand beside it.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, TS, ToSchema)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, TS, ToSchema)]
+#[serde(deny_unknown_fields, default)]
 pub struct Illumination {
     /// Which method supplies the in-scattered radiance.
     pub method: Method,
+    /// `path_traced`: paths of each pixel at rest, 1..1048576.
+    pub paths_per_pixel: u32,
+    /// `path_traced`: ends earlier, once the picture's relative standard error is no more than
+    /// this, 0..1.
+    pub max_error: f64,
+    /// `path_traced`: scattering events after which a path is cut, 1..10^9. What is lost by it is
+    /// counted.
+    pub longest_path: u32,
+}
+
+impl Default for Illumination {
+    fn default() -> Self {
+        Self { method: Method::default(), paths_per_pixel: 256, max_error: 0.0, longest_path: 100_000 }
+    }
 }
 
 /// The closed set of illumination methods.

@@ -30,6 +30,11 @@ pub(crate) fn scene(scene: &SceneFile) -> Checked {
     if let Background::Color(color) = scene.background {
         each("background", &color, 0.0, MAX_MAGNITUDE)?;
     }
+    let illumination = &scene.illumination;
+    let (paths, longest) = (illumination.paths_per_pixel, illumination.longest_path);
+    within("illumination.paths_per_pixel", f64::from(paths), 1.0, f64::from(MAX_PATHS_PER_PIXEL))?;
+    within("illumination.max_error", illumination.max_error, 0.0, 1.0)?;
+    within("illumination.longest_path", f64::from(longest), 1.0, f64::from(MAX_PATH_LENGTH))?;
     let sampling = &scene.sampling;
     within("sampling.step_voxels", sampling.step_voxels, 1.0 / 16.0, 8.0)?;
     within("sampling.samples_per_pixel", f64::from(sampling.samples_per_pixel), 1.0, 4096.0)?;

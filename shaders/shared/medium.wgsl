@@ -36,8 +36,10 @@ struct Material {
     specular: f32,
     // Blinn-Phong: exponent, normalisation. Ashikhmin-Shirley: both exponents. ABC: b, c.
     lobe: vec2f,
-    pad0: u32,
-    pad1: u32,
+    // How directions are chosen from the lobe: integral of its half vectors (ABC), and its share
+    // of what is reflected, about.
+    lobe_mass: f32,
+    lobe_reflectance: f32,
 }
 
 // A place on the transfer function: between point `lower` and the next, at share t.

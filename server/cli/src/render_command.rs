@@ -138,7 +138,7 @@ impl Session<'_> {
     fn draw(&mut self, file: &SceneFile, scene: Scene, name: &str) -> anyhow::Result<Value> {
         self.epoch += 1;
         let (width, height) = self.arguments.size.unwrap_or((file.image.width, file.image.height));
-        let samples = scene.sampling.samples_per_pixel;
+        let samples = scene.samples_at_rest();
         let snapshot = Arc::new(Snapshot { epoch: self.epoch, scene });
         let budget = self.arguments.budget_seconds.map(Duration::from_secs_f64);
         let samples_per_pixel = if budget.is_some() { MAX_SAMPLES_PER_PIXEL } else { samples };

@@ -3,11 +3,13 @@
 //! A [`Renderer`] lives on the thread that owns submission; each viewer has a [`View`]. Drawing
 //! derives from the snapshots what has to run (see `scene::plan`) and advances by slices.
 
+mod environment_map;
 mod error;
 mod film;
 pub mod fit;
 mod frame;
 mod gpu;
+mod path_tracer;
 mod ray_cast;
 mod renderer;
 mod segments;
@@ -21,6 +23,6 @@ mod warm_up;
 
 pub use error::RenderError;
 pub use gpu::{AdapterPolicy, Gpu};
-pub use renderer::{DrawRequest, Drawn, METHODS_BUILT, Picture, Radiance, Renderer, check};
+pub use renderer::{DrawRequest, Drawn, METHODS_BUILT, PathEstimate, Picture, Radiance, Renderer, check};
 pub use view::View;
 pub use volume_texture::VolumeCache;

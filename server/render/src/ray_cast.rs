@@ -70,7 +70,7 @@ impl Variant {
 
 impl Features {
     /// What the scene's lights and the matter of its transfer function need.
-    fn of(scene: &Scene) -> Self {
+    pub(crate) fn of(scene: &Scene) -> Self {
         let points = &scene.transfer_function.points;
         let material = |point: &scene::transfer_function::Point| &scene.materials[point.material];
         // An isosurface makes surfaces of all matter.
@@ -101,7 +101,7 @@ impl Features {
     }
 
     /// As pipeline constants.
-    fn constants(&self) -> [(&'static str, f64); 8] {
+    pub(crate) fn constants(&self) -> [(&'static str, f64); 8] {
         let flag = |on: bool| if on { 1.0 } else { 0.0 };
         [
             ("BLINN_PHONG", flag(self.blinn_phong)),

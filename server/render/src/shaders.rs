@@ -23,8 +23,35 @@ pub const RAY_CAST: &str = parts!(
     "ray_cast/ray_cast.wgsl",
 );
 
+/// `path_trace`: method `path_traced`.
+pub const PATH_TRACE: &str = parts!(
+    "shared/features.wgsl",
+    "shared/frame.wgsl",
+    "shared/ray.wgsl",
+    "shared/medium.wgsl",
+    "shared/phase.wgsl",
+    "shared/brdf.wgsl",
+    "shared/random.wgsl",
+    "path_traced/sources.wgsl",
+    "path_traced/scatter.wgsl",
+    "path_traced/tracking.wgsl",
+    "path_traced/path_traced.wgsl",
+);
+
+/// `restart_tiles`.
+pub const RESTART_TILES: &str = parts!("path_traced/restart.wgsl");
+
+/// `error`.
+pub const ERROR: &str = parts!("path_traced/error.wgsl");
+
 /// `tone_map`.
 pub const TONE_MAP: &str = parts!("film/tone_map.wgsl");
 
 /// Every module with its name, for validation.
-pub const ALL: &[(&str, &str)] = &[("ray_cast", RAY_CAST), ("tone_map", TONE_MAP)];
+pub const ALL: &[(&str, &str)] = &[
+    ("ray_cast", RAY_CAST),
+    ("path_trace", PATH_TRACE),
+    ("restart_tiles", RESTART_TILES),
+    ("error", ERROR),
+    ("tone_map", TONE_MAP),
+];

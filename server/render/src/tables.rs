@@ -1,5 +1,7 @@
 //! Scene to shader tables: transfer function, materials, lights.
 
+use std::f64::consts::PI;
+
 use glam::DVec3;
 use proto::scene_file::{Brdf, Phase};
 use scene::Scene;
@@ -81,6 +83,17 @@ fn material(material: &scene::material::Material) -> uniforms::Material {
         Some(Brdf::Abc(b)) => (3, b.diffuse, b.a, [b.b, b.c]),
     };
     let ambient = ambient_reflectance(material);
+    let (lobe_mass, lobe_reflectance) = match &material.brdf {
+        None | Some(Brdf::Lambert(_)) => (1.0, 0.0),
+        Some(Brdf::BlinnPhong(b)) => (1.0, b.specular),
+        // Fresnel: grazing reflection exceeds the reflectance at normal incidence.
+        Some(Brdf::AshikhminShirley(b)) => (1.0, b.specular.max(0.05)),
+        // Solid angles are 4 cos larger for directions than for half vectors.
+        Some(Brdf::Abc(b)) => {
+            let mass = abc_mass(b.b, b.c);
+            (mass, 8.0 * PI * b.a * mass)
+        }
+    };
     uniforms::Material {
         phase,
         asymmetry: asymmetry as f32,
@@ -91,7 +104,63 @@ fn material(material: &scene::material::Material) -> uniforms::Material {
         diffuse: diffuse as f32,
         specular: specular as f32,
         lobe: lobe.map(|x| x as f32),
-        ..uniforms::Material::default()
+        lobe_mass: lobe_mass as f32,
+        lobe_reflectance: lobe_reflectance as f32,
+    }
+}
+
+/// Integral of `(1 + b y)^-c` over y from 0 to 1.
+fn abc_mass(b: f64, c: f64) -> f64 {
+    let log = b.ln_1p();
+    let scaled = if b < 1e-12 { 1.0 } else { log / b };
+    let x = (1.0 - c) * log;
+    if x.abs() < 1e-12 { scaled } else { scaled * x.exp_m1() / x }
+}
+
+/// Lights as the path tracer samples them, environments included.
+pub fn sources(scene: &Scene) -> Vec<uniforms::Source> {
+    scene.lights.iter().map(source).collect()
+}
+
+fn source(light: &Light) -> uniforms::Source {
+    let base = uniforms::Source { power: vector(light.power), ..uniforms::Source::default() };
+    match &light.geometry {
+        LightGeometry::Directional { direction } => {
+            uniforms::Source { kind: 0, direction: vector(*direction), ..base }
+        }
+        LightGeometry::Point { position } => {
+            uniforms::Source { kind: 1, position: vector(*position), ..base }
+        }
+        LightGeometry::Spot { position, direction, cos_inner, cos_outer } => uniforms::Source {
+            kind: 2,
+            position: vector(*position),
+            direction: vector(*direction),
+            cos_inner: *cos_inner as f32,
+            cos_outer: *cos_outer as f32,
+            ..base
+        },
+        LightGeometry::Rectangle { center, normal, up, size } => uniforms::Source {
+            kind: 3,
+            position: vector(*center),
+            direction: vector(*normal),
+            extent: (size[0] * size[1]) as f32,
+            half_u: vector(0.5 * size[0] * up.cross(*normal)),
+            half_v: vector(0.5 * size[1] * *up),
+            ..base
+        },
+        LightGeometry::Disk { center, normal, radius } => uniforms::Source {
+            kind: 4,
+            position: vector(*center),
+            direction: vector(*normal),
+            extent: (PI * radius * radius) as f32,
+            half_u: vector(DVec3::X * *radius),
+            ..base
+        },
+        LightGeometry::Sphere { center, radius } => {
+            uniforms::Source { kind: 5, position: vector(*center), extent: *radius as f32, ..base }
+        }
+        LightGeometry::UniformEnvironment => uniforms::Source { kind: 6, ..base },
+        LightGeometry::Environment { .. } => uniforms::Source { kind: 7, ..base },
     }
 }
 
@@ -134,7 +203,7 @@ fn light(light: &Light) -> Option<uniforms::Light> {
             kind: 3,
             position: vector(center),
             direction: vector(normal),
-            extent: (std::f64::consts::PI * radius * radius) as f32,
+            extent: (PI * radius * radius) as f32,
             ..base
         },
         LightGeometry::Sphere { center, radius } => {

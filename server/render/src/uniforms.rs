@@ -59,8 +59,8 @@ pub struct Material {
     pub diffuse: f32,
     pub specular: f32,
     pub lobe: [f32; 2],
-    pub pad0: u32,
-    pub pad1: u32,
+    pub lobe_mass: f32,
+    pub lobe_reflectance: f32,
 }
 
 /// `Light` of shaders/shared/light.wgsl.
@@ -78,6 +78,80 @@ pub struct Light {
     pub pad0: u32,
     pub pad1: u32,
     pub pad2: u32,
+}
+
+/// `Source` of shaders/path_traced/sources.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct Source {
+    pub position: [f32; 3],
+    pub kind: u32,
+    pub direction: [f32; 3],
+    pub extent: f32,
+    pub power: [f32; 3],
+    pub cos_inner: f32,
+    pub half_u: [f32; 3],
+    pub cos_outer: f32,
+    pub half_v: [f32; 3],
+    pub pad0: u32,
+}
+
+/// `PathTracer` of shaders/path_traced/path_traced.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct PathTracer {
+    pub map_x: [f32; 3],
+    pub seed: u32,
+    pub map_y: [f32; 3],
+    pub wanted: u32,
+    pub map_z: [f32; 3],
+    pub rays: u32,
+    pub backdrop: [f32; 3],
+    pub steps: u32,
+    pub source_count: u32,
+    pub orders: u32,
+    pub longest: u32,
+    pub fresh: u32,
+    pub clip_shadows: u32,
+    pub last_ray_matters: u32,
+    pub image_behind: u32,
+    pub pad0: u32,
+}
+
+/// `Path` of shaders/path_traced/path_traced.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct Path {
+    pub origin: [f32; 3],
+    pub t: f32,
+    pub direction: [f32; 3],
+    pub lookup: f32,
+    pub throughput: [f32; 3],
+    pub optical_depth: f32,
+    pub radiance: [f32; 3],
+    pub transmittance: f32,
+    pub w_o: [f32; 3],
+    pub s: f32,
+    pub n: [f32; 3],
+    pub density: f32,
+    pub weight: [f32; 3],
+    pub end: f32,
+    pub stage: u32,
+    pub light: u32,
+    pub scatterings: u32,
+    pub draws: u32,
+}
+
+/// `Restart` of shaders/path_traced/restart.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct Restart {
+    pub image: [u32; 2],
+    pub bins: [u32; 2],
 }
 
 /// `ToneMap` of shaders/film/tone_map.wgsl.
@@ -152,14 +226,63 @@ pub fn layouts() -> Vec<Layout> {
                 diffuse,
                 specular,
                 lobe,
-                pad0,
-                pad1,
+                lobe_mass,
+                lobe_reflectance,
             }
         ),
         layout!(
             "Light",
             Light { position, kind, direction, extent, power, cos_inner, cos_outer, pad0, pad1, pad2 }
         ),
+        layout!(
+            "Source",
+            Source { position, kind, direction, extent, power, cos_inner, half_u, cos_outer, half_v, pad0 }
+        ),
+        layout!(
+            "PathTracer",
+            PathTracer {
+                map_x,
+                seed,
+                map_y,
+                wanted,
+                map_z,
+                rays,
+                backdrop,
+                steps,
+                source_count,
+                orders,
+                longest,
+                fresh,
+                clip_shadows,
+                last_ray_matters,
+                image_behind,
+                pad0,
+            }
+        ),
+        layout!(
+            "Path",
+            Path {
+                origin,
+                t,
+                direction,
+                lookup,
+                throughput,
+                optical_depth,
+                radiance,
+                transmittance,
+                w_o,
+                s,
+                n,
+                density,
+                weight,
+                end,
+                stage,
+                light,
+                scatterings,
+                draws,
+            }
+        ),
+        layout!("Restart", Restart { image, bins }),
         layout!("ToneMap", ToneMap { exposure, operator_id, pixel_count, pad0 }),
     ]
 }

@@ -3,8 +3,9 @@
 use std::sync::Arc;
 
 use scene::plan::{Caches, FilmState, SegmentsState, Target};
-use scene::{Scene, Snapshot};
+use scene::{Integrator, Scene, Snapshot};
 
+use crate::renderer::PathFilm;
 use crate::segments::Segments;
 use crate::volume_texture::VolumeTexture;
 
@@ -14,12 +15,17 @@ pub struct View {
     pub(crate) volume: Option<(Arc<Snapshot>, Arc<VolumeTexture>)>,
     pub(crate) transfer_function: Option<(Arc<Snapshot>, TransferFunctionTables)>,
     pub(crate) distance_map: Option<(Arc<Snapshot>, wgpu::TextureView)>,
-    pub(crate) lights: Option<(Arc<Snapshot>, wgpu::Buffer)>,
+    pub(crate) cells: Option<(Arc<Snapshot>, Cells)>,
+    pub(crate) lights: Option<(Arc<Snapshot>, LightTables)>,
+    pub(crate) environment: Option<(Arc<Snapshot>, EnvironmentTables)>,
     pub(crate) film: Option<FilmCache>,
     /// Snapshot and film state the tone-mapped picture shows.
     pub(crate) picture: Option<(Arc<Snapshot>, Target)>,
     pub(crate) buffers: Option<ViewBuffers>,
     pub(crate) segments: Segments,
+    pub(crate) paths: Option<PathFilm>,
+    /// Whether one bound of the extinction serves for all macrocells.
+    pub(crate) global_majorant: bool,
     /// Whether segments are kept from the first picture on.
     edits_to_come: bool,
     /// Milliseconds per million pixel samples, of the last slices; sizes the next slice.
@@ -30,6 +36,24 @@ pub(crate) struct TransferFunctionTables {
     pub points: wgpu::TextureView,
     pub cells: wgpu::TextureView,
     pub materials: wgpu::Buffer,
+}
+
+/// What the path tracer knows of macrocells.
+pub(crate) struct Cells {
+    pub bounds: wgpu::TextureView,
+    pub bins: wgpu::TextureView,
+}
+
+/// Lights as the ray caster takes them, and as the path tracer does.
+pub(crate) struct LightTables {
+    pub lights: wgpu::Buffer,
+    pub sources: wgpu::Buffer,
+}
+
+/// An environment image, and the table that directions are drawn with.
+pub(crate) struct EnvironmentTables {
+    pub radiance: wgpu::TextureView,
+    pub draws: wgpu::TextureView,
 }
 
 /// A film under way.
@@ -67,6 +91,12 @@ impl View {
         Self { edits_to_come: true, ..Self::default() }
     }
 
+    /// A view whose path tracer does without macrocells: one bound of the extinction for the whole
+    /// volume. The estimate is the same, the work is not; for comparison.
+    pub fn with_global_majorant() -> Self {
+        Self { global_majorant: true, ..Self::default() }
+    }
+
     /// What the plan of a picture has to know; `max_binding_bytes` is the device's.
     pub(crate) fn caches(&self, scene: &Scene, target: Target, max_binding_bytes: u64) -> Caches<'_> {
         let size = (target.width, target.height);
@@ -77,19 +107,37 @@ impl View {
                 film_is_cast_in_them: self.film.as_ref().is_some_and(|film| film.in_segments),
                 ..segments
             },
+            tiles: self.paths.as_ref().map_or(&[], PathFilm::tile_bins),
             volume: self.volume.as_ref().map(|(snapshot, _)| &snapshot.scene),
             transfer_function: self.transfer_function.as_ref().map(|(snapshot, _)| &snapshot.scene),
             distance_map: self.distance_map.as_ref().map(|(snapshot, _)| &snapshot.scene),
+            majorants: self.cells.as_ref().map(|(snapshot, _)| &snapshot.scene),
             lights: self.lights.as_ref().map(|(snapshot, _)| &snapshot.scene),
+            environment: self.environment.as_ref().map(|(snapshot, _)| &snapshot.scene),
             film: self.film.as_ref().map(|film| FilmState {
                 scene: &film.snapshot.scene,
                 held: Target { width: film.width, height: film.height, samples_per_pixel: film.samples },
+                error: self.error(),
             }),
-            picture: self
-                .picture
-                .as_ref()
-                .map(|(snapshot, held)| FilmState { scene: &snapshot.scene, held: *held }),
+            picture: self.picture.as_ref().map(|(snapshot, held)| FilmState {
+                scene: &snapshot.scene,
+                held: *held,
+                error: None,
+            }),
         }
+    }
+
+    /// Relative standard error of the film, if it is path-traced and known.
+    pub(crate) fn error(&self) -> Option<f64> {
+        let film = self.film.as_ref()?;
+        let traced = film.snapshot.scene.integrator() == Integrator::PathTracer;
+        let estimate = self.paths.as_ref().filter(|_| traced)?.estimate?;
+        Some(estimate.relative_error)
+    }
+
+    /// Bytes of what the path tracer keeps.
+    pub fn path_bytes(&self) -> u64 {
+        self.paths.as_ref().map_or(0, PathFilm::bytes)
     }
 
     /// Bytes of film and picture.

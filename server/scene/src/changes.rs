@@ -39,6 +39,8 @@ pub struct Changes {
     pub orders: bool,
     /// Illumination method.
     pub method: bool,
+    /// Scattering events after which paths are cut.
+    pub longest_path: bool,
     /// What a pixel shows.
     pub rendering: bool,
     /// Data values shown black and white.
@@ -72,6 +74,7 @@ impl Changes {
             background: old.background != new.background,
             orders: old.orders != new.orders,
             method: old.method != new.method,
+            longest_path: old.paths.longest != new.paths.longest,
             rendering: old.rendering != new.rendering,
             window: old.window != new.window,
             isosurface: match (old.rendering, new.rendering) {
@@ -108,6 +111,7 @@ impl Changes {
         say(self.background, "background");
         say(self.orders, "scattering orders");
         say(self.method, "illumination method");
+        say(self.longest_path, "longest path");
         say(self.rendering, "rendering mode");
         say(self.window, "window");
         say(self.isosurface, "matter of the isosurface");

@@ -3,11 +3,15 @@
 //! A plain value, computed without a GPU from what each cache was computed from and the newest
 //! scene. "Skip what a scene doesn't need" lives here and nowhere else.
 
+use std::sync::Arc;
+
 use proto::plan::PassReport;
 
 use crate::changes::Changes;
+use crate::environment::EnvironmentImage;
+use crate::light::LightGeometry;
 use crate::rendering::Rendering;
-use crate::scene::Scene;
+use crate::scene::{Background, Integrator, Scene};
 
 /// The passes of a frame, in the order they run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -18,12 +22,18 @@ pub enum Pass {
     UploadTransferFunction,
     /// Empty-space distance map from bin masks.
     DistanceMap,
+    /// Bounds of the extinction from bin masks.
+    Majorants,
     /// Lights to the GPU.
     UploadLights,
+    /// Environment image to the GPU, with what is needed to sample it.
+    UploadEnvironment,
     /// View-ray segments: what is kept of rays between edits of matter.
     ViewSegments,
     /// View rays into the film.
     RayCast,
+    /// Paths into the film.
+    PathTrace,
     /// Film to picture.
     ToneMap,
 }
@@ -35,9 +45,12 @@ impl Pass {
             Pass::UploadVolume => "upload_volume",
             Pass::UploadTransferFunction => "upload_transfer_function",
             Pass::DistanceMap => "distance_map",
+            Pass::Majorants => "majorants",
             Pass::UploadLights => "upload_lights",
+            Pass::UploadEnvironment => "upload_environment",
             Pass::ViewSegments => "view_segments",
             Pass::RayCast => "ray_cast",
+            Pass::PathTrace => "path_trace",
             Pass::ToneMap => "tone_map",
         }
     }
@@ -86,7 +99,7 @@ pub enum SegmentsPlan {
 }
 
 /// What becomes of the film.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum FilmPlan {
     /// It stays as it is.
     Keep,
@@ -94,6 +107,13 @@ pub enum FilmPlan {
     Refine,
     /// It starts again.
     Restart,
+    /// Tiles start again whose paths met matter of these bins; the others stay.
+    RestartTiles {
+        /// Bins in which matter changed.
+        bins: u64,
+        /// Share of the tiles whose paths were known to meet it when the last pass ended, 0..1.
+        stale_share: f32,
+    },
 }
 
 /// Size of the picture and how well it is to be sampled.
@@ -114,6 +134,8 @@ pub struct FilmState<'a> {
     pub scene: &'a Scene,
     /// Its size and the samples per pixel it holds (of complete passes over the image).
     pub held: Target,
+    /// Its relative standard error, where that is known.
+    pub error: Option<f64>,
 }
 
 /// View-ray segments kept for a film size.
@@ -138,14 +160,20 @@ pub struct Caches<'a> {
     pub transfer_function: Option<&'a Scene>,
     /// Distance map.
     pub distance_map: Option<&'a Scene>,
+    /// Bounds of the extinction.
+    pub majorants: Option<&'a Scene>,
     /// Light table.
     pub lights: Option<&'a Scene>,
+    /// Environment image.
+    pub environment: Option<&'a Scene>,
     /// Film.
     pub film: Option<FilmState<'a>>,
     /// Tone-mapped picture: the scene and the film state it was made from.
     pub picture: Option<FilmState<'a>>,
     /// View-ray segments for the target's size.
     pub segments: SegmentsState<'a>,
+    /// Bins that the paths of each tile of a path-traced film relied on.
+    pub tiles: &'a [u64],
 }
 
 /// Why a cache is stale, or why it is not: `Err` carries the reason to keep it.
@@ -156,12 +184,21 @@ impl Plan {
     pub fn new(caches: &Caches<'_>, scene: &Scene, target: Target) -> Self {
         let pixels = u64::from(target.width) * u64::from(target.height);
         let cells: usize = scene.volume.macrocells.dims.iter().product();
-        let ray_cast = ray_cast(caches.film, scene, target);
-        let (film, samples_missing) = match &ray_cast {
+        let film_verdict = draw_film(caches, scene, target);
+        let (film, samples_missing) = match &film_verdict {
             Ok((_, film, samples)) => (*film, u64::from(*samples)),
             Err(_) => (FilmPlan::Keep, 0),
         };
         let film_runs = film != FilmPlan::Keep;
+        let integrator = scene.integrator();
+        let rays_only = |verdict: Verdict| match integrator {
+            Integrator::RayCaster => verdict,
+            Integrator::PathTracer => Err("paths are followed instead of rays".to_owned()),
+        };
+        let paths_only = |verdict: Verdict| match integrator {
+            Integrator::RayCaster => Err("no paths are followed".to_owned()),
+            Integrator::PathTracer => verdict,
+        };
         let mut passes = Vec::new();
         let mut plan = |pass, verdict: Verdict, work: u64, unit| {
             let (runs, reason) = match verdict {
@@ -187,7 +224,13 @@ impl Plan {
         );
         plan(
             Pass::DistanceMap,
-            tables_needed(distance_map(caches.distance_map, scene)),
+            rays_only(tables_needed(distance_map(caches.distance_map, scene))),
+            cells as u64,
+            "cells",
+        );
+        plan(
+            Pass::Majorants,
+            paths_only(tables_needed(majorants(caches.majorants, scene))),
             cells as u64,
             "cells",
         );
@@ -197,9 +240,17 @@ impl Plan {
             scene.lights.len() as u64,
             "lights",
         );
+        let image = environment(scene);
+        plan(
+            Pass::UploadEnvironment,
+            paths_only(tables_needed(upload_environment(caches.environment, scene))),
+            image.map_or(0, |image| image.texels().len() as u64),
+            "texels",
+        );
         let segments = match film {
+            _ if integrator == Integrator::PathTracer => Err("paths are followed instead of rays".into()),
             FilmPlan::Restart => segments(caches, scene),
-            FilmPlan::Keep | FilmPlan::Refine => Err("no film starts again".into()),
+            _ => Err("no film starts again".into()),
         };
         let (segments, verdict) = match segments {
             Ok((segments, reason)) => (segments, Ok(reason)),
@@ -207,7 +258,9 @@ impl Plan {
         };
         let all_segments = pixels * u64::from(scene.sampling.segments);
         plan(Pass::ViewSegments, verdict, all_segments, "segments a sample");
-        plan(Pass::RayCast, ray_cast.map(|(reason, ..)| reason), pixels * samples_missing, "pixel samples");
+        let film_verdict = film_verdict.map(|(reason, ..)| reason);
+        plan(Pass::RayCast, rays_only(film_verdict.clone()), pixels * samples_missing, "pixel samples");
+        plan(Pass::PathTrace, paths_only(film_verdict), pixels * samples_missing, "paths");
         plan(Pass::ToneMap, tone_map(caches.picture, scene, target, film_runs), pixels, "pixels");
         let changes =
             caches.film.map_or_else(Vec::new, |film| Changes::between(film.scene, scene).in_words());
@@ -280,14 +333,47 @@ fn upload_lights(cached: Option<&Scene>, scene: &Scene) -> Verdict {
     }
 }
 
-/// Reason, what becomes of the film and samples per pixel to add; or why no ray needs to be cast.
-fn ray_cast(
-    film: Option<FilmState<'_>>,
-    scene: &Scene,
-    target: Target,
-) -> Result<(String, FilmPlan, u32), String> {
+fn majorants(cached: Option<&Scene>, scene: &Scene) -> Verdict {
+    match cached {
+        None => Ok("not computed yet".into()),
+        Some(old) => {
+            let changes = Changes::between(old, scene);
+            if changes.volume || old.sampling.skip_empty != scene.sampling.skip_empty {
+                return Ok("other macrocells".into());
+            }
+            match changes.bins.count_ones() {
+                0 => Err("the same matter in all bins".into()),
+                changed => Ok(format!("matter changed in {changed} bins")),
+            }
+        }
+    }
+}
+
+/// The scene's environment image: a light, or what lies behind the volume.
+pub fn environment(scene: &Scene) -> Option<&Arc<EnvironmentImage>> {
+    let light = scene.lights.iter().find_map(|light| match &light.geometry {
+        LightGeometry::Environment { image, .. } => Some(image),
+        _ => None,
+    });
+    match &scene.background {
+        Background::Image { image, .. } => light.or(Some(image)),
+        Background::Color(_) => light,
+    }
+}
+
+fn upload_environment(cached: Option<&Scene>, scene: &Scene) -> Verdict {
+    match (cached.map(environment), environment(scene)) {
+        (None, None) | (Some(None), None) => Err("no environment image".into()),
+        (Some(Some(old)), Some(new)) if old == new => Err("same environment image".into()),
+        (Some(Some(_)), None) => Err("no environment image any more".into()),
+        (_, Some(_)) => Ok("another environment image".into()),
+    }
+}
+
+/// Reason, what becomes of the film and samples per pixel to add; or why nothing is to be drawn.
+fn draw_film(caches: &Caches<'_>, scene: &Scene, target: Target) -> Result<(String, FilmPlan, u32), String> {
     let from_scratch = |reason: String| Ok((reason, FilmPlan::Restart, target.samples_per_pixel));
-    let Some(film) = film else {
+    let Some(film) = caches.film else {
         return from_scratch("the film is empty".into());
     };
     let changes = Changes::between(film.scene, scene);
@@ -297,7 +383,20 @@ fn ray_cast(
         reasons.push(format!("image size is now {} x {}", target.width, target.height));
     }
     if !reasons.is_empty() {
+        let same_size = (film.held.width, film.held.height) == (target.width, target.height);
+        let bins = bins_alone_changed(film.scene, scene);
+        if let (Integrator::PathTracer, true, Some(bins)) = (scene.integrator(), same_size, bins)
+            && film.scene.background == scene.background
+        {
+            let reason = format!("tiles whose paths met it: {}", reasons.join(", "));
+            let stale = caches.tiles.iter().filter(|met| *met & bins != 0).count();
+            let stale_share = stale as f32 / caches.tiles.len().max(1) as f32;
+            return Ok((reason, FilmPlan::RestartTiles { bins, stale_share }, target.samples_per_pixel));
+        }
         return from_scratch(reasons.join(", "));
+    }
+    if let Some(error) = film.error.filter(|&error| good_enough(scene, error)) {
+        return Err(format!("the error is {:.2} %, as good as asked for", 100.0 * error));
     }
     if film.held.samples_per_pixel < target.samples_per_pixel {
         let missing = target.samples_per_pixel - film.held.samples_per_pixel;
@@ -315,6 +414,11 @@ fn ray_cast(
     } else {
         format!("{} cannot be seen on the film", changes.in_words().join(", "))
     })
+}
+
+/// Whether a picture with this relative standard error need not get better.
+pub fn good_enough(scene: &Scene, error: f64) -> bool {
+    scene.integrator() == Integrator::PathTracer && error <= scene.paths.max_error
 }
 
 /// Whether a film that starts again is cast in view-ray segments, and which of them serve again.
@@ -375,10 +479,14 @@ fn bins_alone_changed(old: &Scene, new: &Scene) -> Option<u64> {
 
 /// Those of the changes from `old` to `new` that show on the film.
 fn changes_seen(changes: &Changes, old: &Scene, new: &Scene) -> Changes {
+    let paths = new.integrator() == Integrator::PathTracer;
     let mut seen = Changes {
         // What cannot show in a picture without shadows and multiple scattering, or not in the film.
-        clip_shadows: false,
-        orders: false,
+        clip_shadows: paths && changes.clip_shadows,
+        orders: paths && changes.orders,
+        longest_path: paths && changes.longest_path,
+        // Steps are the ray caster's.
+        ray_sampling: !paths && changes.ray_sampling,
         film: false,
         // The transfer function's share is in `bins`.
         window: false,
@@ -464,7 +572,7 @@ mod tests {
 
     /// Names of the passes that run when `old` is complete and `new` is asked for.
     fn running(old: &Scene, new: &Scene) -> Vec<&'static str> {
-        let state = FilmState { scene: old, held: TARGET };
+        let state = FilmState { scene: old, held: TARGET, error: None };
         let caches = Caches {
             volume: Some(old),
             transfer_function: Some(old),
@@ -622,7 +730,7 @@ mod tests {
     fn more_samples_refine_without_uploads() {
         let volume = volume();
         let old = scene(&volume, json!({}));
-        let state = FilmState { scene: &old, held: Target { samples_per_pixel: 1, ..TARGET } };
+        let state = FilmState { scene: &old, held: Target { samples_per_pixel: 1, ..TARGET }, error: None };
         let caches = Caches {
             film: Some(state),
             volume: Some(&old),

@@ -43,6 +43,8 @@ pub struct Scene {
     pub orders: Orders,
     /// Illumination method.
     pub method: Method,
+    /// How the path tracer ends.
+    pub paths: Paths,
     /// What a pixel shows.
     pub rendering: Rendering,
     /// Data values that projections and slices show black and white.
@@ -51,6 +53,26 @@ pub struct Scene {
     pub sampling: Sampling,
     /// From radiance to the picture.
     pub film: Film,
+}
+
+/// How the path tracer ends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Paths {
+    /// Paths of each pixel.
+    pub per_pixel: u32,
+    /// Relative standard error of the picture at which there are enough of them.
+    pub max_error: f64,
+    /// Scattering events after which a path is cut.
+    pub longest: u32,
+}
+
+/// What makes a picture of a scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Integrator {
+    /// View rays, marched.
+    RayCaster,
+    /// Paths of light, followed from the eye.
+    PathTracer,
 }
 
 /// What is seen where the volume is transparent.
@@ -126,6 +148,11 @@ impl Scene {
             background,
             orders: file.scattering.orders,
             method: file.illumination.method,
+            paths: Paths {
+                per_pixel: file.illumination.paths_per_pixel,
+                max_error: file.illumination.max_error,
+                longest: file.illumination.longest_path,
+            },
             window: file.rendering.window.unwrap_or(value_range),
             rendering: Rendering::from_file(&file.rendering, value_range),
             sampling: file.sampling.clone(),
@@ -163,6 +190,22 @@ impl Scene {
             function: &self.transfer_function,
             materials: &self.materials,
             value_range: self.value_range,
+        }
+    }
+
+    /// What makes its picture: whatever the method, projections, slices and isosurfaces are cast.
+    pub fn integrator(&self) -> Integrator {
+        match (self.method, self.rendering) {
+            (Method::PathTraced, Rendering::Volume) => Integrator::PathTracer,
+            _ => Integrator::RayCaster,
+        }
+    }
+
+    /// Samples per pixel of a picture at rest.
+    pub fn samples_at_rest(&self) -> u32 {
+        match self.integrator() {
+            Integrator::RayCaster => self.sampling.samples_per_pixel,
+            Integrator::PathTracer => self.paths.per_pixel,
         }
     }
 

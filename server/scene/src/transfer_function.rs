@@ -83,10 +83,10 @@ impl TransferFunction {
         }
     }
 
-    /// Whether extinction is above 0 anywhere in the closed interval.
-    fn has_matter(&self, low: f64, high: f64) -> bool {
+    /// Largest extinction in the closed interval, limits from both sides of its ends included.
+    fn largest_sigma_t(&self, low: f64, high: f64) -> f64 {
         let inside = self.points.iter().filter(|p| (low..=high).contains(&p.s));
-        [self.at(low), self.at(high)].iter().chain(inside).any(|p| p.sigma_t > 0.0)
+        [self.at(low), self.at(high)].iter().chain(inside).fold(0.0, |largest, p| p.sigma_t.max(largest))
     }
 }
 
@@ -112,7 +112,17 @@ impl Classification<'_> {
     pub fn bins_with_matter(&self, bins: &Bins) -> u64 {
         self.mask(bins, |low, high| {
             let [low, high] = clamped([self.s(low), self.s(high)]);
-            self.function.has_matter(low, high)
+            self.function.largest_sigma_t(low, high) > 0.0
+        })
+    }
+
+    /// Largest extinction that values of each bin can have, per world unit.
+    pub fn largest_sigma_t(&self, bins: &Bins) -> [f64; BIN_COUNT] {
+        let slack = self.slack(bins);
+        std::array::from_fn(|bin| {
+            let [low, high] = bins.interval(bin);
+            let [low, high] = clamped([self.s(low - slack), self.s(high + slack)]);
+            self.function.largest_sigma_t(low, high)
         })
     }
 
@@ -137,10 +147,15 @@ impl Classification<'_> {
         self.mask(bins, |low, high| differs(self, other, low, high))
     }
 
-    fn mask(&self, bins: &Bins, holds: impl Fn(f64, f64) -> bool) -> u64 {
+    /// By how much bins are widened, in data values.
+    fn slack(&self, bins: &Bins) -> f64 {
         let data_range = bins.edges[BIN_COUNT] - bins.edges[0];
         let window = self.value_range[1] - self.value_range[0];
-        let slack = BIN_SLACK * if window > 0.0 { data_range.max(window) } else { data_range };
+        BIN_SLACK * if window > 0.0 { data_range.max(window) } else { data_range }
+    }
+
+    fn mask(&self, bins: &Bins, holds: impl Fn(f64, f64) -> bool) -> u64 {
+        let slack = self.slack(bins);
         (0..BIN_COUNT)
             .filter(|&bin| {
                 let [low, high] = bins.interval(bin);

@@ -54,7 +54,7 @@ struct SamplePass {
 }
 
 /// Two words a counter.
-pub(super) const COUNTER_BYTES: u64 = 8 * COUNTERS.len() as u64;
+const COUNTER_BYTES: u64 = 8 * COUNTERS.len() as u64;
 
 impl Renderer {
     /// Casts rays, rows by rows and pass by pass, until the target or the budget is reached.
@@ -79,7 +79,7 @@ impl Renderer {
         };
         self.gpu.queue.write_buffer(&buffers.counters, 0, &[0; COUNTER_BYTES as usize]);
         let mut uniform = frame_uniform(scene, texture, film);
-        let tables = BoundTables { texture, tables, distance_map, lights };
+        let tables = BoundTables { texture, tables, distance_map, lights: &lights.lights };
         let mut pass: Option<SamplePass> = None;
         while film.samples < request.target.samples_per_pixel {
             let current = match pass.take().filter(|pass| pass.sample == film.samples) {
@@ -186,12 +186,16 @@ impl Renderer {
     ) -> Result<(), RenderError> {
         let Some(buffers) = &view.buffers else { return Ok(()) };
         let bytes = self.gpu.read_buffer(&buffers.counters, COUNTER_BYTES)?;
-        // Low word, then high word.
-        let words: Vec<u32> = bytemuck::pod_collect_to_vec(&bytes);
-        for (name, pair) in COUNTERS.iter().zip(words.chunks_exact(2)) {
-            counters.insert((*name).to_owned(), u64::from(pair[0]) | u64::from(pair[1]) << 32);
-        }
+        name_counters(&COUNTERS, &bytes, counters);
         Ok(())
+    }
+}
+
+/// Counters of two words, the low one first, by their names.
+pub(super) fn name_counters(names: &[&str], bytes: &[u8], counters: &mut BTreeMap<String, u64>) {
+    let words: Vec<u32> = bytemuck::pod_collect_to_vec(bytes);
+    for (name, pair) in names.iter().zip(words.chunks_exact(2)) {
+        counters.insert((*name).to_owned(), u64::from(pair[0]) | u64::from(pair[1]) << 32);
     }
 }
 

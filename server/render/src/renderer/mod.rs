@@ -1,6 +1,7 @@
 //! Draws snapshots into views, slice by slice, as the plan says.
 
 mod casting;
+mod tracing;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -12,23 +13,25 @@ use proto::scene_file::{Method, ToneMapping};
 use scene::distance::distance_map;
 use scene::light::LightGeometry;
 use scene::plan::{FilmPlan, Pass, Plan, SegmentsPlan, Target};
-use scene::{Scene, Snapshot};
+use scene::{Integrator, Scene, Snapshot};
 
 use crate::error::RenderError;
 use crate::film::ToneMapper;
 use crate::gpu::Gpu;
+use crate::path_tracer::PathTracer;
 use crate::ray_cast::{RayCaster, WORKGROUP_EDGE};
 use crate::tables;
 use crate::uniforms::FrameUniform;
 use crate::view::{
-    FILM_PIXEL_BYTES, FilmCache, PICTURE_PIXEL_BYTES, TransferFunctionTables, View, ViewBuffers,
+    FILM_PIXEL_BYTES, FilmCache, LightTables, PICTURE_PIXEL_BYTES, TransferFunctionTables, View, ViewBuffers,
 };
 use crate::volume_texture::VolumeCache;
 use crate::warm_up::warm_up_scene;
-use casting::COUNTER_BYTES;
+pub use tracing::PathEstimate;
+pub(crate) use tracing::PathFilm;
 
 /// Methods that can be drawn.
-pub const METHODS_BUILT: &[Method] = &[Method::Local];
+pub const METHODS_BUILT: &[Method] = &[Method::Local, Method::PathTraced];
 
 /// GPU memory for volumes no view holds any more.
 const VOLUME_CACHE_BYTES: u64 = 2 << 30;
@@ -38,6 +41,7 @@ pub struct Renderer {
     gpu: Arc<Gpu>,
     volumes: Arc<VolumeCache>,
     ray_caster: RayCaster,
+    path_tracer: PathTracer,
     tone_mapper: ToneMapper,
 }
 
@@ -61,6 +65,8 @@ pub struct Drawn {
     pub complete: bool,
     /// Complete passes over the image the film holds.
     pub samples_per_pixel: u32,
+    /// How well the film is known, where the method tells.
+    pub estimate: Option<PathEstimate>,
     /// Whether anything ran or has to (a tone-mapping edit leaves the film alone).
     pub drew: bool,
     /// Times of the stages that ran.
@@ -119,6 +125,9 @@ pub struct Radiance {
 /// The field that asks for it.
 pub fn check(scene: &Scene) -> Result<(), FieldError> {
     let image = |light: &&scene::Light| matches!(light.geometry, LightGeometry::Environment { .. });
+    if scene.integrator() == Integrator::PathTracer {
+        return Ok(());
+    }
     if METHODS_BUILT.contains(&scene.method) {
         let Some(light) = scene.lights.iter().find(image) else { return Ok(()) };
         let message = format!(
@@ -140,9 +149,10 @@ impl Renderer {
     pub fn new(gpu: Arc<Gpu>) -> Result<Self, RenderError> {
         let volumes = Arc::new(VolumeCache::new(gpu.clone(), VOLUME_CACHE_BYTES));
         let ray_caster = RayCaster::new(gpu.clone());
+        let path_tracer = PathTracer::new(gpu.clone());
         let tone_mapper = ToneMapper::new(gpu.clone())?;
         gpu.take_error()?;
-        Ok(Self { gpu, volumes, ray_caster, tone_mapper })
+        Ok(Self { gpu, volumes, ray_caster, path_tracer, tone_mapper })
     }
 
     /// Draws a few pixels with each common variant, so that no viewer waits for a compiler (the
@@ -196,10 +206,19 @@ impl Renderer {
             stages.time("ray_cast", || self.cast_rays(view, scene, request, began))?;
             stages.time("read_counters", || self.read_counters(view, &mut counters))?;
         }
+        if plan.runs(Pass::PathTrace) {
+            stages.time("path_trace", || self.trace_paths(view, scene, request, began))?;
+            stages.time("read_counters", || self.read_path_counters(view, &mut counters))?;
+            count_tiles(view, &plan, &mut counters);
+        }
         let samples = view.film.as_ref().map_or(0, |film| film.samples);
+        let estimate = view.paths.as_ref().and_then(|paths| paths.estimate);
+        let estimate = estimate.filter(|_| scene.integrator() == Integrator::PathTracer);
+        let good_enough = estimate.is_some_and(|e| scene::plan::good_enough(scene, e.relative_error));
         Ok(Drawn {
-            complete: samples >= request.target.samples_per_pixel,
+            complete: samples >= request.target.samples_per_pixel || good_enough,
             samples_per_pixel: samples,
+            estimate,
             drew: !plan.is_empty(),
             plan,
             stages: stages.0,
@@ -283,11 +302,22 @@ impl Renderer {
             let map = stages.time("distance_map", || self.distance_map(scene))?;
             view.distance_map = Some((snapshot.clone(), map));
         }
+        if plan.runs(Pass::Majorants) {
+            let cells = stages.time("majorants", || self.majorant_cells(view, scene))?;
+            view.cells = Some((snapshot.clone(), cells));
+        }
         if plan.runs(Pass::UploadLights) {
             let lights = stages.time("upload_lights", || {
-                self.uniform("lights", &tables::lights(scene), tables::MAX_LIGHTS)
+                Ok::<_, RenderError>(LightTables {
+                    lights: self.uniform("lights", &tables::lights(scene), tables::MAX_LIGHTS)?,
+                    sources: self.uniform("sources", &tables::sources(scene), tables::MAX_LIGHTS)?,
+                })
             })?;
             view.lights = Some((snapshot.clone(), lights));
+        }
+        if plan.runs(Pass::UploadEnvironment) || view.environment.is_none() && plan.runs(Pass::PathTrace) {
+            let tables = stages.time("upload_environment", || self.environment_tables(scene))?;
+            view.environment = Some((snapshot.clone(), tables));
         }
         Ok(())
     }
@@ -383,6 +413,10 @@ impl Renderer {
         plan: &Plan,
     ) -> Result<(), RenderError> {
         if plan.film != FilmPlan::Restart {
+            if let FilmPlan::RestartTiles { bins, .. } = plan.film {
+                self.restart_tiles(view, bins)?;
+                view.picture = None;
+            }
             if let Some(film) = &mut view.film {
                 // Nothing that changed since can be seen on it, so it is this snapshot's film, too.
                 film.snapshot = snapshot.clone();
@@ -406,7 +440,10 @@ impl Renderer {
         view.film =
             Some(FilmCache { snapshot: snapshot.clone(), width, height, samples: 0, rows: 0, in_segments });
         view.picture = None;
-        Ok(())
+        match snapshot.scene.integrator() {
+            Integrator::RayCaster => Ok(()),
+            Integrator::PathTracer => self.begin_paths(view, target),
+        }
     }
 
     fn view_buffers(&self, pixels: u64) -> Result<ViewBuffers, RenderError> {
@@ -423,7 +460,7 @@ impl Renderer {
         let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         Ok(ViewBuffers {
             frame: self.gpu.buffer("frame", std::mem::size_of::<FrameUniform>() as u64, uniform)?,
-            counters: self.gpu.buffer("counters", COUNTER_BYTES, storage)?,
+            counters: self.gpu.buffer("counters", tracing::COUNTER_BUFFER_BYTES, storage)?,
             film: self.gpu.buffer("the film", film_bytes, storage)?,
             picture: self.gpu.buffer("the picture", pixels * PICTURE_PIXEL_BYTES, storage)?,
             capacity: pixels,
@@ -431,9 +468,23 @@ impl Renderer {
     }
 
     fn gpu_bytes(&self, view: &View) -> BTreeMap<String, u64> {
-        [("volumes", self.volumes.bytes()), ("film", view.bytes()), ("segments", view.segment_bytes())]
-            .map(|(owner, bytes)| (owner.to_owned(), bytes))
-            .into()
+        [
+            ("volumes", self.volumes.bytes()),
+            ("film", view.bytes()),
+            ("segments", view.segment_bytes()),
+            ("paths", view.path_bytes()),
+        ]
+        .map(|(owner, bytes)| (owner.to_owned(), bytes))
+        .into()
+    }
+}
+
+/// Of an edit of matter, what became of the tiles of a path-traced film.
+fn count_tiles(view: &View, plan: &Plan, counters: &mut BTreeMap<String, u64>) {
+    let kept = view.paths.as_ref().and_then(|paths| paths.tiles_kept);
+    if let (FilmPlan::RestartTiles { .. }, Some(tiles)) = (plan.film, kept) {
+        counters.insert("tiles_reused".into(), tiles.kept);
+        counters.insert("tiles_recomputed".into(), tiles.total - tiles.kept);
     }
 }
 

@@ -298,7 +298,7 @@ async fn draw_thumbnail(app: &Arc<App>, id: &str, path: std::path::PathBuf) -> A
     })
     .await??;
     let (width, height) = THUMBNAIL_SIZE;
-    let samples_per_pixel = snapshot.scene.sampling.samples_per_pixel.min(THUMBNAIL_SAMPLES);
+    let samples_per_pixel = snapshot.scene.samples_at_rest().min(THUMBNAIL_SAMPLES);
     let target = Target { width, height, samples_per_pixel };
     let patience = std::time::Duration::from_secs(app.config().limits.still_seconds);
     let still = app.renderer().still(snapshot, target, false, patience).await?;

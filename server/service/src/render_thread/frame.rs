@@ -7,7 +7,7 @@ use proto::frame::{FLAG_FINAL, FLAG_MOVING, FRAME_HEADER_BYTES, FRAME_MAGIC, Fra
 use proto::plan::{FrameReport, StageTime};
 use render::{Drawn, Picture};
 use scene::Snapshot;
-use scene::plan::Target;
+use scene::plan::{Pass, Target};
 
 use super::Encoding;
 
@@ -37,13 +37,14 @@ pub(super) enum Kind {
     Still,
 }
 
-/// The header of a frame, as far as it is known before encoding.
+/// The header of a frame, as far as it is known before encoding; with samples per pixel of its film,
+/// and their relative standard error where that is known.
 pub(super) fn header(
     frame: u32,
     drawing: &Drawing,
     picture: &Picture,
     encoding: Encoding,
-    samples_per_pixel: u32,
+    (samples_per_pixel, error): (u32, Option<f64>),
 ) -> FrameHeader {
     let epoch = drawing.snapshot.epoch;
     let flags = match encoding {
@@ -62,7 +63,7 @@ pub(super) fn header(
         illumination_epoch: epoch,
         illumination_completeness: 1.0,
         samples_per_pixel,
-        error_estimate: f32::NAN,
+        error_estimate: error.map_or(f32::NAN, |error| error as f32),
         width: edge(picture.width),
         height: edge(picture.height),
         viewport_width: edge(drawing.viewport.0),
@@ -75,9 +76,10 @@ pub(super) fn header(
     }
 }
 
-/// Time a slice spent casting rays.
+/// Time a slice spent casting rays or following paths.
 pub(super) fn casting_time(drawn: &Drawn) -> Duration {
-    let casting = drawn.stages.iter().filter(|stage| stage.stage == scene::plan::Pass::RayCast.name());
+    let passes = [Pass::RayCast, Pass::PathTrace].map(Pass::name);
+    let casting = drawn.stages.iter().filter(|stage| passes.contains(&stage.stage.as_str()));
     Duration::from_secs_f64(casting.map(|stage| stage.millis / 1e3).sum())
 }
 

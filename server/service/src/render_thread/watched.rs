@@ -66,6 +66,8 @@ struct Film {
     /// The viewport it was drawn for: it has its proportions.
     viewport: (u32, u32),
     held: Target,
+    /// Its relative standard error, where that is known.
+    error: Option<f64>,
 }
 
 struct Shown {
@@ -142,12 +144,14 @@ impl Watched {
 
     fn plan_on_film(&self, film: &Film, snapshot: &Arc<Snapshot>) -> Plan {
         let old = Some(&film.snapshot.scene);
-        let state = Some(FilmState { scene: &film.snapshot.scene, held: film.held });
+        let state = Some(FilmState { scene: &film.snapshot.scene, held: film.held, error: film.error });
         let caches = Caches {
             volume: old,
             transfer_function: old,
             distance_map: old,
+            majorants: old,
             lights: old,
+            environment: old,
             film: state,
             picture: state,
             ..Caches::default()
@@ -223,6 +227,7 @@ impl Watched {
             snapshot,
             viewport: drawing.viewport,
             held: Target { samples_per_pixel: drawn.samples_per_pixel, ..target },
+            error: drawn.estimate.map(|estimate| estimate.relative_error),
         });
         drawing.spent += began.elapsed();
         let result = match drawing.kind {
@@ -251,17 +256,20 @@ impl Watched {
                 let reusable = self.film.as_ref().filter(|film| {
                     film.held.samples_per_pixel > 0
                         && film.viewport == viewport
-                        && self.plan_on_film(film, &self.input.snapshot).film != FilmPlan::Restart
+                        && matches!(
+                            self.plan_on_film(film, &self.input.snapshot).film,
+                            FilmPlan::Keep | FilmPlan::Refine
+                        )
                 });
                 let fresh = Target { width, height, samples_per_pixel: 1 };
                 let held = reusable.map(|film| film.held);
-                let target = held.or_else(|| self.target_from_segments(renderer, viewport, time));
+                let target = held.or_else(|| self.target_from_kept(renderer, viewport, time));
                 (Kind::Moving(quality), target.unwrap_or(fresh))
             }
             Need::Still => match self.preview_size(viewport) {
                 Some((width, height)) => (Kind::Preview, Target { width, height, samples_per_pixel: 1 }),
                 None => {
-                    let samples_per_pixel = self.input.snapshot.scene.sampling.samples_per_pixel;
+                    let samples_per_pixel = self.input.snapshot.scene.samples_at_rest();
                     (Kind::Still, Target { width: viewport.0, height: viewport.1, samples_per_pixel })
                 }
             },
@@ -281,16 +289,16 @@ impl Watched {
         })
     }
 
-    /// A moving picture at full size, if view-ray segments kept at rest make it quick enough.
-    fn target_from_segments(
-        &self,
-        renderer: &Renderer,
-        viewport: (u32, u32),
-        time: Duration,
-    ) -> Option<Target> {
+    /// A moving picture at full size, if view-ray segments or tiles kept at rest make it quick
+    /// enough.
+    fn target_from_kept(&self, renderer: &Renderer, viewport: (u32, u32), time: Duration) -> Option<Target> {
         let target = Target { width: viewport.0, height: viewport.1, samples_per_pixel: 1 };
         let plan = renderer.plan(&self.view, &self.input.snapshot, target);
-        let SegmentsPlan::Reuse { stale_share } = plan.segments else { return None };
+        let stale_share = match (plan.segments, plan.film) {
+            (SegmentsPlan::Reuse { stale_share }, _) => stale_share,
+            (_, FilmPlan::RestartTiles { stale_share, .. }) => stale_share,
+            _ => return None,
+        };
         let whole = self.pace.expected(u64::from(viewport.0) * u64::from(viewport.1));
         (whole.mul_f32(stale_share + SEGMENTS_OVERHEAD) <= time).then_some(target)
     }
@@ -372,10 +380,11 @@ impl Watched {
     fn show(&mut self, drawing: Drawing, picture: Picture, encoding: Encoding) {
         self.frame += 1;
         let samples = self.film.as_ref().map_or(0, |film| film.held.samples_per_pixel);
+        let error = self.film.as_ref().and_then(|film| film.error);
         let is_final = encoding == Encoding::Lossless;
         let pixels = u64::from(picture.width) * u64::from(picture.height);
         let full_size = (picture.width, picture.height) == drawing.viewport;
-        let header = frame::header(self.frame, &drawing, &picture, encoding, samples);
+        let header = frame::header(self.frame, &drawing, &picture, encoding, (samples, error));
         self.shown = Some(Shown {
             snapshot: drawing.snapshot,
             viewport: drawing.viewport,

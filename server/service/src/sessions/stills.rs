@@ -75,7 +75,7 @@ pub async fn snapshot(
     let target = Target {
         width: query.width.unwrap_or(file.image.width),
         height: query.height.unwrap_or(file.image.height),
-        samples_per_pixel: snapshot.scene.sampling.samples_per_pixel,
+        samples_per_pixel: snapshot.scene.samples_at_rest(),
     };
     check_edges(target.width, target.height, MAX_IMAGE_EDGE)?;
     let pixels = u64::from(target.width) * u64::from(target.height);
@@ -115,7 +115,7 @@ pub async fn preview(
     let shared = app.clone();
     let snapshot =
         crate::blocking("preparing a preview", move || session.patched_snapshot(&shared, &patch)).await??;
-    let samples_per_pixel = snapshot.scene.sampling.samples_per_pixel.min(PREVIEW_SAMPLES);
+    let samples_per_pixel = snapshot.scene.samples_at_rest().min(PREVIEW_SAMPLES);
     let target = Target { width, height, samples_per_pixel };
     let _turn = app.previews.acquire().await;
     let still = app.renderer().still(snapshot, target, false, patience(&app)).await?;

@@ -1,0 +1,94 @@
+//! Environment images as the path tracer reads them: texels, and how directions are drawn.
+
+use std::f64::consts::PI;
+
+use scene::EnvironmentImage;
+
+/// Texels of the radiance texture, rows from the top.
+pub(crate) fn radiance(image: &EnvironmentImage) -> Vec<[f32; 4]> {
+    image.texels().iter().map(|&[r, g, b]| [r, g, b, 0.0]).collect()
+}
+
+/// Texels of the table of draws: the share of draws that stay with a texel, the texel that takes
+/// the others, and the density per steradian of the texel's directions. Texels are drawn in
+/// proportion to the mean of the bilinear radiance over them (sum of its channels) times their solid
+/// angle, and directions uniformly within, so that the density is above 0 wherever there is light.
+pub(crate) fn draws(image: &EnvironmentImage) -> Vec<[f32; 4]> {
+    let (width, height) = (image.width(), image.height());
+    let brightness = |x: usize, y: usize| image.texels()[y * width + x].map(f64::from).iter().sum::<f64>();
+    // The mean over a texel of what is linear between centres: 1/8, 6/8, 1/8.
+    let smoothed = |before: f64, here: f64, after: f64| 0.125 * before + 0.75 * here + 0.125 * after;
+    let along_row = |x: usize, y: usize| {
+        smoothed(brightness((x + width - 1) % width, y), brightness(x, y), brightness((x + 1) % width, y))
+    };
+    let mean = |x: usize, y: usize| {
+        let (above, below) = (y.saturating_sub(1), (y + 1).min(height - 1));
+        smoothed(along_row(x, above), along_row(x, y), along_row(x, below))
+    };
+    let solid_angle = |y: usize| {
+        let [top, bottom] = [y, y + 1].map(|edge| (PI * edge as f64 / height as f64).cos());
+        2.0 * PI * (top - bottom) / width as f64
+    };
+    let weights: Vec<f64> =
+        (0..width * height).map(|i| mean(i % width, i / width) * solid_angle(i / width)).collect();
+    let total: f64 = weights.iter().sum();
+    if total <= 0.0 {
+        return vec![[1.0, 0.0, 0.0, 0.0]; weights.len()];
+    }
+    let shares: Vec<f64> = weights.iter().map(|weight| weight / total).collect();
+    let table = alias_table(&shares);
+    let texel = |(index, (stay, other)): (usize, (f64, usize))| {
+        [stay as f32, other as f32, (shares[index] / solid_angle(index / width)) as f32, 0.0]
+    };
+    table.into_iter().enumerate().map(texel).collect()
+}
+
+/// For each of n outcomes with these shares (their sum is 1): the share of draws of 1 / n that stay
+/// with it, and the outcome that takes the others (Vose 1991).
+fn alias_table(shares: &[f64]) -> Vec<(f64, usize)> {
+    let count = shares.len() as f64;
+    let mut left: Vec<f64> = shares.iter().map(|share| share * count).collect();
+    let mut table: Vec<(f64, usize)> = (0..shares.len()).map(|index| (1.0, index)).collect();
+    let (mut poor, mut rich): (Vec<usize>, Vec<usize>) =
+        (0..shares.len()).partition(|&index| left[index] < 1.0);
+    while let (Some(&from), Some(to)) = (rich.last(), poor.pop()) {
+        table[to] = (left[to], from);
+        left[from] -= 1.0 - left[to];
+        if left[from] < 1.0 {
+            rich.pop();
+            poor.push(from);
+        }
+    }
+    table
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn draws_have_their_shares() {
+        let shares = [0.5, 0.0, 0.125, 0.3, 0.075];
+        let mut drawn = [0.0; 5];
+        for (index, (stay, other)) in alias_table(&shares).into_iter().enumerate() {
+            drawn[index] += stay / 5.0;
+            drawn[other] += (1.0 - stay) / 5.0;
+        }
+        assert!(drawn.iter().zip(shares).all(|(a, b)| (a - b).abs() < 1e-12), "{drawn:?}");
+    }
+
+    #[test]
+    fn densities_integrate_to_one_and_follow_the_light() {
+        let rgb: Vec<f32> = (0..8 * 4).flat_map(|i| [(i * i % 7) as f32, 0.5, 0.0]).collect();
+        let image = EnvironmentImage::new(8, 4, &rgb).unwrap();
+        let draws = draws(&image);
+        let area = |y: usize| {
+            let [top, bottom] = [y, y + 1].map(|edge| (PI * edge as f64 / 4.0).cos());
+            2.0 * PI * (top - bottom) / 8.0
+        };
+        let sum: f64 = draws.iter().enumerate().map(|(i, draw)| f64::from(draw[2]) * area(i / 8)).sum();
+        assert!((sum - 1.0).abs() < 1e-6, "{sum}");
+        let black = EnvironmentImage::new(1, 2, &[0.0; 6]).unwrap();
+        assert_eq!(super::draws(&black), [[1.0, 0.0, 0.0, 0.0]; 2]);
+    }
+}

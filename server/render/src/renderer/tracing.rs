@@ -1,0 +1,490 @@
+//! Following paths into a view's film, band by band of rows, dispatch by dispatch.
+
+use std::time::{Duration, Instant};
+
+use glam::DMat3;
+use proto::scene_file::Orders;
+use scene::light::LightGeometry;
+use scene::plan::{Target, good_enough};
+use scene::{Background, Majorants, Scene};
+
+use super::{DrawRequest, Renderer};
+use crate::environment_map;
+use crate::error::RenderError;
+use crate::frame::frame_uniform;
+use crate::gpu::{buffer_entry, texture_entry};
+use crate::path_tracer::{ERROR_BLOCK, PathVariant, TILE_EDGE};
+use crate::tables;
+use crate::uniforms;
+use crate::view::{Cells, EnvironmentTables, FILM_PIXEL_BYTES, View};
+
+/// Length a dispatch aims at where no budget is given: far below any driver's watchdog.
+const UNHURRIED_DISPATCH: Duration = Duration::from_millis(100);
+/// A dispatch aims at this share of the budget, so that the last one seldom overshoots it by much.
+const DISPATCH_SHARE_OF_BUDGET: f64 = 0.5;
+/// Pixels whose paths are under way at once: enough to fill the device.
+const BAND_PIXELS: u32 = 1 << 18;
+/// The same on a software device, where one ray for each of more pixels takes longer than a slice.
+const BAND_PIXELS_SOFTWARE: u32 = 1 << 14;
+/// Most paths that a pass adds to each pixel.
+const MOST_PATHS_A_PASS: u32 = 32;
+/// Most rays of a path in a dispatch.
+const MOST_RAYS: u32 = 1 << 12;
+/// Cells and tentative collisions for each ray, on average.
+const STEPS_A_RAY: u32 = 64;
+/// Fewest paths of a pixel whose spread tells how well the picture is known.
+const FEWEST_FOR_ERROR: u32 = 16;
+/// Names of the counters, in the shader's order.
+const COUNTERS: [&str; 6] = [
+    "tentative_collisions",
+    "cells_visited",
+    "scattering_events",
+    "shadow_rays",
+    "paths",
+    "paths_not_finite",
+];
+/// Bytes of counters that are kept over a call, two words each.
+const KEPT_COUNTER_BYTES: u64 = 8 * COUNTERS.len() as u64;
+/// With the number of unfinished pixels behind them.
+const COUNTER_BYTES: u64 = KEPT_COUNTER_BYTES + 4;
+/// Bytes of the shader's counter buffer.
+pub(super) const COUNTER_BUFFER_BYTES: u64 = 64;
+/// Bytes of a path under way.
+const PATH_BYTES: u64 = std::mem::size_of::<uniforms::Path>() as u64;
+/// Bytes of a tile's bins.
+const TILE_BYTES: u64 = 8;
+
+/// What the path tracer keeps of a film beside the film.
+pub(crate) struct PathFilm {
+    /// Squared deviations, and throughput that was cut, of each pixel.
+    spreads: wgpu::Buffer,
+    /// Bins that each tile's paths relied on.
+    tiles: wgpu::Buffer,
+    /// Paths under way.
+    paths: wgpu::Buffer,
+    uniform: wgpu::Buffer,
+    sums: wgpu::Buffer,
+    width: u32,
+    height: u32,
+    /// Paths of every pixel of each strip of tiles.
+    strips: Vec<u32>,
+    /// Rows at work.
+    band: Option<Band>,
+    /// Rays of a path in the next dispatch.
+    rays: u32,
+    /// Bins of each tile when the last pass ended.
+    tile_bins: Vec<u64>,
+    /// How well the film is known, once it is.
+    pub estimate: Option<PathEstimate>,
+    /// What the last edit left, of all tiles.
+    pub tiles_kept: Option<TilesKept>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Band {
+    first_row: u32,
+    rows: u32,
+    /// Paths its pixels shall have.
+    wanted: u32,
+    /// Whether a dispatch has left paths under way.
+    begun: bool,
+}
+
+/// How well a path-traced film is known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PathEstimate {
+    /// Root mean square of the pixels' standard errors over that of their means.
+    pub relative_error: f64,
+    /// Mean throughput of paths that were cut: no more than it times the largest radiance in sight
+    /// is missing from the mean pixel.
+    pub cut: f64,
+}
+
+/// What an edit of matter left of a path-traced film.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TilesKept {
+    pub total: u64,
+    pub kept: u64,
+}
+
+impl PathFilm {
+    /// Bytes of all buffers.
+    pub fn bytes(&self) -> u64 {
+        [&self.spreads, &self.tiles, &self.paths, &self.sums].map(wgpu::Buffer::size).iter().sum()
+    }
+
+    /// Bins that the paths of each tile relied on, when the last pass ended.
+    pub fn tile_bins(&self) -> &[u64] {
+        &self.tile_bins
+    }
+
+    fn tiles_across(&self) -> usize {
+        self.width.div_ceil(TILE_EDGE) as usize
+    }
+}
+
+impl Renderer {
+    /// Bounds of the extinction, and the bins they rely on.
+    pub(super) fn majorant_cells(&self, view: &View, scene: &Scene) -> Result<Cells, RenderError> {
+        let majorants = if view.global_majorant { Majorants::global(scene) } else { Majorants::of(scene) };
+        let [width, height, depth] = scene.volume.macrocells.dims.map(|n| n as u32);
+        let size = wgpu::Extent3d { width, height, depth_or_array_layers: depth };
+        let texture = |label, format, bytes: &[u8]| {
+            self.texture(label, size, wgpu::TextureDimension::D3, format, bytes)
+        };
+        let words: Vec<[u32; 2]> = majorants.bins.iter().map(|&bins| halves(bins)).collect();
+        Ok(Cells {
+            bounds: texture(
+                "majorants",
+                wgpu::TextureFormat::R32Float,
+                bytemuck::cast_slice(&majorants.bounds),
+            )?,
+            bins: texture("bins of majorants", wgpu::TextureFormat::Rg32Uint, bytemuck::cast_slice(&words))?,
+        })
+    }
+
+    /// The environment image and the table its directions are drawn with; a black texel without one.
+    pub(super) fn environment_tables(&self, scene: &Scene) -> Result<EnvironmentTables, RenderError> {
+        let Some(image) = scene::plan::environment(scene) else {
+            return Ok(EnvironmentTables {
+                radiance: self.table("no environment", &[[0.0; 4]], [1, 1])?,
+                draws: self.table("no environment", &[[0.0; 4]], [1, 1])?,
+            });
+        };
+        let size = [image.width() as u32, image.height() as u32];
+        let limit = self.gpu.device.limits().max_texture_dimension_2d;
+        if size.iter().any(|&edge| edge > limit) {
+            return Err(RenderError::TooLarge {
+                what: format!("an environment image of {} x {} texels", size[0], size[1]),
+                limit: format!("{limit} texels along an edge"),
+            });
+        }
+        Ok(EnvironmentTables {
+            radiance: self.table("environment", &environment_map::radiance(image), size)?,
+            draws: self.table("draws of the environment", &environment_map::draws(image), size)?,
+        })
+    }
+
+    /// An empty path film of the film's size.
+    pub(super) fn begin_paths(&self, view: &mut View, target: Target) -> Result<(), RenderError> {
+        let Target { width, height, .. } = target;
+        let same_size =
+            view.paths.as_ref().is_some_and(|paths| (paths.width, paths.height) == (width, height));
+        if !same_size {
+            view.paths = None;
+            view.paths = Some(self.path_film(width, height)?);
+        }
+        let (Some(paths), Some(buffers)) = (&mut view.paths, &view.buffers) else { return Ok(()) };
+        let pixels = u64::from(width) * u64::from(height);
+        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        encoder.clear_buffer(&buffers.film, 0, Some(pixels * FILM_PIXEL_BYTES));
+        encoder.clear_buffer(&paths.spreads, 0, None);
+        encoder.clear_buffer(&paths.tiles, 0, None);
+        self.gpu.queue.submit([encoder.finish()]);
+        paths.strips.fill(0);
+        (paths.band, paths.estimate, paths.tiles_kept) = (None, None, None);
+        Ok(())
+    }
+
+    fn path_film(&self, width: u32, height: u32) -> Result<PathFilm, RenderError> {
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
+        let pixels = u64::from(width) * u64::from(height);
+        let strips = height.div_ceil(TILE_EDGE);
+        let tiles = u64::from(width.div_ceil(TILE_EDGE)) * u64::from(strips);
+        let band_pixels = u64::from(self.band_rows(width).min(height)) * u64::from(width);
+        let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+        let gpu = &self.gpu;
+        Ok(PathFilm {
+            spreads: gpu.buffer("spreads", pixels * FILM_PIXEL_BYTES, usage)?,
+            tiles: gpu.buffer("tiles", tiles * TILE_BYTES, usage)?,
+            paths: gpu.buffer("paths under way", band_pixels * PATH_BYTES, usage)?,
+            uniform: gpu.buffer(
+                "path tracer",
+                std::mem::size_of::<uniforms::PathTracer>() as u64,
+                uniform,
+            )?,
+            sums: gpu.buffer("error sums", pixels.div_ceil(u64::from(ERROR_BLOCK)) * 16, usage)?,
+            width,
+            height,
+            strips: vec![0; strips as usize],
+            band: None,
+            rays: 1,
+            tile_bins: Vec::new(),
+            estimate: None,
+            tiles_kept: None,
+        })
+    }
+
+    /// Rows of a band: whole tiles.
+    fn band_rows(&self, width: u32) -> u32 {
+        let pixels = if self.gpu.info().software { BAND_PIXELS_SOFTWARE } else { BAND_PIXELS };
+        (pixels / width / TILE_EDGE).max(1) * TILE_EDGE
+    }
+
+    /// Tiles whose paths relied on bins in which matter changed start again.
+    pub(super) fn restart_tiles(&self, view: &mut View, bins: u64) -> Result<(), RenderError> {
+        let (Some(paths), Some(buffers), Some(film)) = (&mut view.paths, &view.buffers, &mut view.film)
+        else {
+            return Err(RenderError::Gpu("the film of an edit is missing".into()));
+        };
+        let met = self.read_tiles(paths)?;
+        let across = paths.tiles_across();
+        for (strip, tiles) in paths.strips.iter_mut().zip(met.chunks_exact(across)) {
+            if tiles.iter().any(|met| met & bins != 0) {
+                *strip = 0;
+            }
+        }
+        let kept = met.iter().filter(|met| *met & bins == 0).count() as u64;
+        paths.tiles_kept = Some(TilesKept { total: met.len() as u64, kept });
+        paths.estimate = None;
+        film.samples = paths.strips.iter().copied().min().unwrap_or(0);
+        // Paths under way begin anew: they come out the same.
+        paths.band = None;
+        let uniform = uniforms::Restart { image: [paths.width, paths.height], bins: halves(bins) };
+        self.gpu.queue.write_buffer(&paths.uniform, 0, bytemuck::bytes_of(&uniform));
+        let pipeline = &self.path_tracer.restart;
+        let entries = [
+            buffer_entry(0, &paths.uniform),
+            buffer_entry(1, &buffers.film),
+            buffer_entry(2, &paths.spreads),
+            buffer_entry(3, &paths.tiles),
+        ];
+        self.dispatch(pipeline, &entries, [across as u32, paths.strips.len() as u32]);
+        Ok(())
+    }
+
+    fn read_tiles(&self, paths: &PathFilm) -> Result<Vec<u64>, RenderError> {
+        let count = paths.tiles_across() * paths.strips.len();
+        let bytes = self.gpu.read_buffer(&paths.tiles, count as u64 * TILE_BYTES)?;
+        let words: Vec<[u32; 2]> = bytemuck::pod_collect_to_vec(&bytes);
+        Ok(words.into_iter().map(|[low, high]| u64::from(low) | u64::from(high) << 32).collect())
+    }
+
+    /// One dispatch of a pipeline with a layout of its own.
+    fn dispatch(
+        &self,
+        pipeline: &wgpu::ComputePipeline,
+        entries: &[wgpu::BindGroupEntry<'_>],
+        [x, y]: [u32; 2],
+    ) {
+        let device = &self.gpu.device;
+        let bind_group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: None,
+            layout: &pipeline.get_bind_group_layout(0),
+            entries,
+        });
+        self.dispatch_bound(pipeline, &bind_group, [x, y]);
+    }
+
+    fn dispatch_bound(
+        &self,
+        pipeline: &wgpu::ComputePipeline,
+        bind_group: &wgpu::BindGroup,
+        [x, y]: [u32; 2],
+    ) {
+        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        {
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, bind_group, &[]);
+            pass.dispatch_workgroups(x, y, 1);
+        }
+        self.gpu.queue.submit([encoder.finish()]);
+    }
+
+    /// Follows paths until the target, the error or the budget is reached. The counters of the call
+    /// are added up on the device; see [`Renderer::read_path_counters`].
+    pub(super) fn trace_paths(
+        &mut self,
+        view: &mut View,
+        scene: &Scene,
+        request: &DrawRequest<'_>,
+        began: Instant,
+    ) -> Result<(), RenderError> {
+        let pipeline = self.path_tracer.pipeline(PathVariant::of(scene));
+        let View { volume, transfer_function, cells, lights, environment, film, buffers, paths, .. } = view;
+        let (
+            Some((_, texture)),
+            Some((_, tables)),
+            Some((_, cells)),
+            Some((_, lights)),
+            Some((_, environment)),
+            Some(film),
+            Some(buffers),
+            Some(paths),
+        ) = (volume, transfer_function, cells, lights, environment, film, buffers, paths)
+        else {
+            return Err(RenderError::Gpu("a table of the view is missing".into()));
+        };
+        let gpu = self.gpu.clone();
+        gpu.queue.write_buffer(&buffers.counters, 0, &[0; COUNTER_BUFFER_BYTES as usize]);
+        let bind_group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("path_trace"),
+            layout: &self.path_tracer.bind_group_layout,
+            entries: &[
+                buffer_entry(0, &buffers.frame),
+                texture_entry(1, &tables.points),
+                texture_entry(2, &tables.cells),
+                buffer_entry(3, &tables.materials),
+                buffer_entry(4, &lights.sources),
+                buffer_entry(5, &buffers.film),
+                buffer_entry(6, &buffers.counters),
+                texture_entry(7, &texture.view),
+                wgpu::BindGroupEntry {
+                    binding: 8,
+                    resource: wgpu::BindingResource::Sampler(&self.path_tracer.sampler),
+                },
+                texture_entry(9, &cells.bounds),
+                buffer_entry(10, &paths.paths),
+                texture_entry(11, &cells.bins),
+                texture_entry(12, &environment.radiance),
+                texture_entry(13, &environment.draws),
+                buffer_entry(14, &paths.uniform),
+                buffer_entry(15, &paths.spreads),
+                buffer_entry(16, &paths.tiles),
+            ],
+        });
+        let mut frame = frame_uniform(scene, texture, film);
+        let mut uniform = path_uniform(scene);
+        let aim = request.budget.map_or(UNHURRIED_DISPATCH, |b| b.mul_f64(DISPATCH_SHARE_OF_BUDGET));
+        let wanted_at_most = request.target.samples_per_pixel;
+        while film.samples < wanted_at_most {
+            if paths.estimate.is_some_and(|estimate| good_enough(scene, estimate.relative_error)) {
+                break;
+            }
+            let Some(band) = self.next_band(paths, film.samples, wanted_at_most) else {
+                // A pass is through.
+                film.samples = paths.strips.iter().copied().min().unwrap_or(0);
+                film.rows = 0;
+                paths.tile_bins = self.read_tiles(paths)?;
+                if film.samples >= FEWEST_FOR_ERROR.min(wanted_at_most).max(2) {
+                    paths.estimate = self.path_estimate(paths, &buffers.film)?;
+                }
+                continue;
+            };
+            (frame.first_row, frame.row_count) = (band.first_row, band.rows);
+            (uniform.wanted, uniform.fresh) = (band.wanted, u32::from(!band.begun));
+            (uniform.rays, uniform.steps) = (paths.rays, paths.rays.saturating_mul(STEPS_A_RAY));
+            gpu.queue.write_buffer(&buffers.frame, 0, bytemuck::bytes_of(&frame));
+            gpu.queue.write_buffer(&paths.uniform, 0, bytemuck::bytes_of(&uniform));
+            gpu.queue.write_buffer(&buffers.counters, KEPT_COUNTER_BYTES, &[0; 4]);
+            let dispatch_began = Instant::now();
+            let groups = [paths.width.div_ceil(TILE_EDGE), band.rows.div_ceil(TILE_EDGE)];
+            self.dispatch_bound(&pipeline, &bind_group, groups);
+            let counters = gpu.read_buffer(&buffers.counters, COUNTER_BYTES)?;
+            let took = dispatch_began.elapsed();
+            if took < aim / 2 {
+                paths.rays = (2 * paths.rays).min(MOST_RAYS);
+            } else if took > aim.mul_f64(1.5) {
+                paths.rays = (paths.rays / 2).max(1);
+            }
+            // Something on the film is not of a whole pass any more.
+            film.rows = 1;
+            let unfinished = counters[KEPT_COUNTER_BYTES as usize..].iter().any(|&byte| byte != 0);
+            if unfinished {
+                paths.band = Some(Band { begun: true, ..band });
+            } else {
+                let first = (band.first_row / TILE_EDGE) as usize;
+                let count = band.rows.div_ceil(TILE_EDGE) as usize;
+                for strip in &mut paths.strips[first..first + count] {
+                    *strip = band.wanted.max(*strip);
+                }
+                paths.band = None;
+            }
+            if request.budget.is_some_and(|budget| began.elapsed() >= budget) {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// The band at work, or the first that lacks paths of the present pass; `None` at its end.
+    fn next_band(&self, paths: &PathFilm, samples: u32, wanted_at_most: u32) -> Option<Band> {
+        if let Some(band) = paths.band {
+            return Some(band);
+        }
+        // Passes double what is there: the first pictures come soon, and few pixels wait for the last.
+        let wanted = samples.saturating_add(samples.clamp(1, MOST_PATHS_A_PASS)).min(wanted_at_most);
+        let rows = self.band_rows(paths.width);
+        let strips_of_a_band = (rows / TILE_EDGE) as usize;
+        let index =
+            paths.strips.chunks(strips_of_a_band).position(|strips| strips.iter().any(|&s| s < wanted))?;
+        let first_row = index as u32 * rows;
+        Some(Band { first_row, rows: rows.min(paths.height - first_row), wanted, begun: false })
+    }
+
+    /// How well the film is known.
+    fn path_estimate(
+        &self,
+        paths: &PathFilm,
+        film: &wgpu::Buffer,
+    ) -> Result<Option<PathEstimate>, RenderError> {
+        let pixels = paths.width * paths.height;
+        let blocks = pixels.div_ceil(ERROR_BLOCK);
+        self.gpu.queue.write_buffer(&paths.uniform, 0, bytemuck::cast_slice(&[pixels, 0, 0, 0]));
+        let entries = [
+            buffer_entry(0, &paths.uniform),
+            buffer_entry(1, film),
+            buffer_entry(2, &paths.spreads),
+            buffer_entry(3, &paths.sums),
+        ];
+        let columns = blocks.min(wgpu::Limits::default().max_compute_workgroups_per_dimension);
+        self.dispatch(&self.path_tracer.error, &entries, [columns, blocks.div_ceil(columns)]);
+        let bytes = self.gpu.read_buffer(&paths.sums, u64::from(blocks) * 16)?;
+        let sums: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&bytes);
+        let total = |channel: usize| sums.iter().map(|sum| f64::from(sum[channel])).sum::<f64>();
+        let (variance, squared_mean, cut, count) = (total(0), total(1), total(2), total(3));
+        let relative_error = if squared_mean > 0.0 { (variance / squared_mean).sqrt() } else { 0.0 };
+        Ok(Some(PathEstimate { relative_error, cut: cut / count.max(1.0) }))
+    }
+
+    /// The counters of the last call, by name.
+    pub(super) fn read_path_counters(
+        &self,
+        view: &View,
+        counters: &mut std::collections::BTreeMap<String, u64>,
+    ) -> Result<(), RenderError> {
+        let Some(buffers) = &view.buffers else { return Ok(()) };
+        let bytes = self.gpu.read_buffer(&buffers.counters, KEPT_COUNTER_BYTES)?;
+        super::casting::name_counters(&COUNTERS, &bytes, counters);
+        Ok(())
+    }
+}
+
+fn halves(bins: u64) -> [u32; 2] {
+    [bins as u32, (bins >> 32) as u32]
+}
+
+/// What does not change between the dispatches of a scene.
+fn path_uniform(scene: &Scene) -> uniforms::PathTracer {
+    let image = scene.lights.iter().find_map(|light| match &light.geometry {
+        LightGeometry::Environment { world_from_map, .. } => Some(*world_from_map),
+        _ => None,
+    });
+    let (map, backdrop) = match &scene.background {
+        Background::Image { world_from_map, scale, .. } => (Some(*world_from_map), Some(*scale)),
+        Background::Color(_) => (image, None),
+    };
+    let map = map.unwrap_or(DMat3::IDENTITY);
+    let has_extent = |light: &scene::Light| {
+        use LightGeometry::{Directional, Point, Spot};
+        !matches!(light.geometry, Directional { .. } | Point { .. } | Spot { .. })
+    };
+    let glows = scene.transfer_function.points.iter().any(|point| point.emission.max_element() > 0.0);
+    uniforms::PathTracer {
+        map_x: tables::vector(map.x_axis),
+        map_y: tables::vector(map.y_axis),
+        map_z: tables::vector(map.z_axis),
+        backdrop: backdrop.map_or([0.0; 3], tables::vector),
+        image_behind: u32::from(backdrop.is_some()),
+        source_count: scene.lights.len() as u32,
+        orders: match scene.orders {
+            Orders::All => u32::MAX,
+            Orders::AtMost(count) => count,
+        },
+        longest: scene.paths.longest,
+        clip_shadows: u32::from(scene.clip.shadows),
+        last_ray_matters: u32::from(glows || scene.lights.iter().any(has_extent)),
+        ..uniforms::PathTracer::default()
+    }
+}

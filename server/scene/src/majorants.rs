@@ -1,0 +1,165 @@
+//! What a path needs to know of each macrocell: an upper bound of its extinction, or how far the
+//! nearest matter is; and the bins whose matter decides that. Derived from the bin masks alone; no
+//! voxel is read again.
+
+use proto::scene_file::Filter;
+use rayon::prelude::*;
+
+use crate::bins::BIN_COUNT;
+use crate::distance::distance_map;
+use crate::scene::Scene;
+
+/// Bounds are larger by this share: single precision rounds them and what they bound.
+const ROUNDING: f64 = 1e-5;
+
+/// A value per macrocell each, x fastest.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Majorants {
+    /// Above 0: no extinction in the cell is larger, per world unit. Below 0: there is none in any
+    /// cell closer than minus this many cells (Chebyshev; the cell itself is at 0).
+    pub bounds: Vec<f32>,
+    /// Bins that occur in the cell, or in the cells that a bound below 0 speaks of: as long as
+    /// matter in none of them changes, what was learned here stays true.
+    pub bins: Vec<u64>,
+}
+
+impl Majorants {
+    /// The scene's. Without `sampling.skip_empty` no bound is below -1.
+    pub fn of(scene: &Scene) -> Self {
+        let cells = &scene.volume.macrocells;
+        let masks = cells.masks(scene.filter);
+        let with_matter = scene.bins_with_matter();
+        let largest = scene.classification().largest_sigma_t(&scene.volume.bins);
+        let mut distance = distance_map(cells.dims, masks, with_matter);
+        if !scene.sampling.skip_empty {
+            distance.iter_mut().for_each(|d| *d = (*d).min(1));
+        }
+        let bound = |(mask, distance): (&u64, &u8)| match distance {
+            0 => ((1.0 + ROUNDING) * largest_in(*mask, &largest, scene.filter)) as f32,
+            empty => -f32::from(*empty),
+        };
+        let bounds = masks.par_iter().zip(&distance).map(bound);
+        // An extinction that rounds to 0 is matter all the same.
+        let bounds = bounds.map(|bound| if bound < 0.0 { bound } else { bound.max(f32::MIN_POSITIVE) });
+        Self { bounds: bounds.collect(), bins: bins_nearby(cells.dims, masks, &distance, with_matter) }
+    }
+
+    /// The same with the largest bound everywhere: what a tracker without macrocells would use.
+    pub fn global(scene: &Scene) -> Self {
+        let local = Self::of(scene);
+        let largest = local.bounds.iter().copied().fold(f32::MIN_POSITIVE, f32::max);
+        let all = local.bins.iter().fold(0, |all, bins| all | bins);
+        Self { bounds: vec![largest; local.bounds.len()], bins: vec![all; local.bins.len()] }
+    }
+}
+
+fn largest_in(mask: u64, largest: &[f64; BIN_COUNT], filter: Filter) -> f64 {
+    let bins: &mut dyn Iterator<Item = usize> = match filter {
+        // Bins of an interval of values follow one another.
+        Filter::Linear => &mut (mask.trailing_zeros() as usize..BIN_COUNT - mask.leading_zeros() as usize),
+        Filter::Nearest => &mut (0..BIN_COUNT).filter(|bin| mask >> bin & 1 == 1),
+    };
+    bins.fold(0.0, |sum, bin| largest[bin].max(sum))
+}
+
+/// For each cell the bins of all cells closer than its distance: its own at distance 0. At other
+/// distances these cells hold none of the bins `with_matter`.
+fn bins_nearby(dims: [usize; 3], masks: &[u64], distance: &[u8], with_matter: u64) -> Vec<u64> {
+    let mut nearby = masks.to_vec();
+    let farthest = distance.iter().copied().max().unwrap_or(0);
+    // Bins of the block of `edge` cells along each axis that begins at a cell: two such blocks an
+    // axis cover any range of `edge` to `2 edge - 1` cells.
+    let mut blocks = masks.to_vec();
+    let mut edge = 1;
+    while edge < 2 * usize::from(farthest) {
+        nearby.par_iter_mut().zip(distance).enumerate().for_each(|(index, (bins, &distance))| {
+            let radius = usize::from(distance).saturating_sub(1);
+            if distance > 0 && (edge..2 * edge).contains(&(2 * radius + 1)) {
+                let ranges = ranges(place(index, dims), dims, radius, edge);
+                *bins = union_at(&blocks, dims, ranges) & !with_matter;
+            }
+        });
+        blocks = doubled(&blocks, dims, edge);
+        edge *= 2;
+    }
+    nearby
+}
+
+/// Where the two blocks begin along each axis that cover the cells within `radius` of a cell.
+fn ranges(at: [usize; 3], dims: [usize; 3], radius: usize, edge: usize) -> [[usize; 2]; 3] {
+    std::array::from_fn(|axis| {
+        let first = at[axis].saturating_sub(radius);
+        let last = (at[axis] + radius).min(dims[axis] - 1);
+        [first, (last + 1).saturating_sub(edge).max(first)]
+    })
+}
+
+/// Blocks of twice the edge.
+fn doubled(blocks: &[u64], dims: [usize; 3], edge: usize) -> Vec<u64> {
+    let both = |index: usize| {
+        let at = place(index, dims);
+        let next = |axis: usize| if at[axis] + edge < dims[axis] { at[axis] + edge } else { at[axis] };
+        union_at(blocks, dims, std::array::from_fn(|axis| [at[axis], next(axis)]))
+    };
+    (0..blocks.len()).into_par_iter().map(both).collect()
+}
+
+fn place(index: usize, [nx, ny, _]: [usize; 3]) -> [usize; 3] {
+    [index % nx, index / nx % ny, index / (nx * ny)]
+}
+
+fn union_at(blocks: &[u64], [nx, ny, _]: [usize; 3], [xs, ys, zs]: [[usize; 2]; 3]) -> u64 {
+    let rows = zs.iter().flat_map(|z| ys.iter().map(move |y| (z * ny + y) * nx));
+    rows.fold(0, |all, row| all | blocks[row + xs[0]] | blocks[row + xs[1]])
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use proto::SceneFile;
+    use serde_json::json;
+
+    use super::*;
+    use crate::{PreparedVolume, Volume, Voxels};
+
+    #[test]
+    fn bins_nearby_equal_brute_force() {
+        let dims = [13, 6, 9];
+        let count = dims.iter().product::<usize>() as u64;
+        let masks: Vec<u64> =
+            (0..count).map(|i| if i * 2654435761 % 83 == 0 { 1 } else { 2 << (i * 7 % 60) }).collect();
+        let distance = distance_map(dims, &masks, 1);
+        assert!(distance.iter().any(|&d| d > 3));
+        let nearby = bins_nearby(dims, &masks, &distance, 1);
+        for (index, &bins) in nearby.iter().enumerate() {
+            let (at, d) = (place(index, dims), usize::from(distance[index]));
+            let near = |other: usize| {
+                let to = place(other, dims);
+                (0..3).all(|axis| at[axis].abs_diff(to[axis]) < d.max(1))
+            };
+            let expected = (0..masks.len()).filter(|&o| near(o)).fold(0, |all, o| all | masks[o]);
+            assert!(bins & !expected & 1 == 0 && expected & !bins == 0, "cell {at:?} at distance {d}");
+            // At the grid's border a block may reach further; not elsewhere.
+            let inside = (0..3).all(|axis| at[axis] >= d && at[axis] + d < dims[axis]);
+            assert!(!inside || bins == expected, "cell {at:?} at distance {d}");
+        }
+    }
+
+    #[test]
+    fn bounds_hold_and_tell_matter_from_none() {
+        let voxels = (0..20 * 12 * 8).map(|i| if i % 20 < 9 { 0 } else { (i % 199) as u8 }).collect();
+        let volume = PreparedVolume::new(Volume::new([20, 12, 8], Voxels::U8(voxels)), &|_| {});
+        let file = json!({"version": 1, "volume": {"builtin": "homogeneous"}, "transfer_function": {"points":
+            [{"s": 0.3, "extinction": 0}, {"s": 0.5, "extinction": 40}, {"s": 0.6, "extinction": 1e-42}]}});
+        let scene = Scene::new(&SceneFile::from_value(file).unwrap(), Arc::new(volume)).unwrap();
+        let majorants = Majorants::of(&scene);
+        assert_eq!(majorants.bounds[0], -2.0, "cells 0 and 1 along x hold zeros alone");
+        assert_eq!(majorants.bins[0], scene.volume.macrocells.masks(scene.filter)[0]);
+        let dense = majorants.bounds.iter().copied().fold(0.0, f32::max);
+        assert!((40.0..40.01).contains(&dense), "{dense}");
+        assert!(majorants.bounds.iter().all(|&bound| bound < 0.0 || bound >= f32::MIN_POSITIVE));
+        let global = Majorants::global(&scene);
+        assert!(global.bounds.iter().all(|&bound| bound == dense));
+    }
+}

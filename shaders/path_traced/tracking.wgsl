@@ -1,0 +1,129 @@
+// Free flights and transmittances without bias: null-collision tracking below a bound for each
+// macrocell (Woodcock et al. 1965; ratio tracking: Novak et al. 2014), leaping where there is no
+// matter. A ray's way through a cell is a function of ray and cell alone, so that leaps change no
+// bit of the picture.
+
+// Above 0: bound of the extinction in the cell. Below 0: no matter in cells closer than that.
+@group(0) @binding(9) var cell_bounds: texture_3d<f32>;
+// Bins that were relied on by reading the bound.
+@group(0) @binding(11) var cell_bins: texture_3d<u32>;
+
+const MACROCELL_EDGE = 4.0;
+// The next cell is looked up this far (world units) behind the border, or less in thin volumes.
+const BORDER_MARGIN = 1e-6;
+// Below this a transmittance is continued at even odds, at twice its value.
+const ROULETTE_BELOW = 0.1;
+// Most random draws of one path.
+const MOST_DRAWS = 16777216u;
+
+// What became of a ray.
+const UNFINISHED = 0u;
+const COLLISION = 1u;
+const ESCAPE = 2u;
+const LOST = 3u;
+
+// Bins the invocation's paths relied on.
+var<private> bins_met: vec2u;
+// Tentative collisions, cells looked up.
+var<private> lookups: vec2u;
+
+// Follows the path's ray; `steps`: cells and tentative collisions left to it.
+fn track(path: ptr<function, Path>, pixel: vec2u, steps: ptr<function, u32>) -> u32 {
+    let ray = Ray((*path).origin, (*path).direction);
+    let shadow = (*path).stage == SHADOW;
+    let end = (*path).end;
+    let thinnest = MACROCELL_EDGE * frame.size_world / frame.voxels;
+    let margin = min(BORDER_MARGIN, 1e-3 * min(thinnest.x, min(thinnest.y, thinnest.z)));
+    var t = (*path).t;
+    var lookup = (*path).lookup;
+    var optical_depth = (*path).optical_depth;
+    var through = (*path).transmittance;
+    var left = *steps;
+    var outcome = select(ESCAPE, UNFINISHED, lookup < end);
+    while outcome == UNFINISHED && left > 0u {
+        // From cell to cell until a tentative collision lies in one.
+        var found = false;
+        var bound = 0.0;
+        while !found && outcome == UNFINISHED && left > 0u {
+            left -= 1u;
+            lookups.y += 1u;
+            let cell = cell_at(ray, lookup);
+            bound = textureLoad(cell_bounds, vec3i(cell), 0).x;
+            bins_met |= textureLoad(cell_bins, vec3i(cell), 0).xy;
+            let inside = cells_interval(ray, cell, max(-bound, 1.0));
+            let far = min(inside.y, end);
+            if bound > 0.0 {
+                t = max(t, inside.x);
+                let there = t + optical_depth / bound;
+                found = there < far;
+                optical_depth = max(optical_depth - bound * max(far - t, 0.0), 0.0);
+                t = select(max(t, far), there, found);
+            }
+            if !found {
+                lookup = max(lookup, far);
+                lookup += max(margin, 2.4e-7 * lookup);
+                if lookup >= end { outcome = ESCAPE; }
+            }
+        }
+        if found {
+            lookups.x += 1u;
+            let s = s_of_texel(texel_value((ray.origin + t * ray.direction) / frame.size_world + 0.5));
+            let sigma_t = sigma_t_in(piece_of(s, found), s);
+            let u = unit2(draw(path, pixel).xy);
+            optical_depth = -log(u.x);
+            if shadow {
+                through *= max(1.0 - sigma_t / bound, 0.0);
+                if through < ROULETTE_BELOW {
+                    through = select(2.0 * through, 0.0, u.y < 0.5);
+                    if through <= 0.0 { outcome = ESCAPE; }
+                }
+            } else if u.y * bound < sigma_t {
+                (*path).s = s;
+                outcome = COLLISION;
+            }
+            if (*path).draws > MOST_DRAWS { outcome = LOST; }
+        }
+    }
+    (*path).t = t;
+    (*path).lookup = lookup;
+    (*path).optical_depth = optical_depth;
+    (*path).transmittance = through;
+    *steps = left;
+    return outcome;
+}
+
+// Four words of the path's sequence.
+fn draw(path: ptr<function, Path>, pixel: vec2u) -> vec4u {
+    let bits = pcg4d(vec4u(pixel, (*path).draws, path_tracer.seed));
+    (*path).draws += 1u;
+    return bits;
+}
+
+fn cell_at(ray: Ray, t: f32) -> vec3f {
+    let cells = vec3f(textureDimensions(cell_bounds));
+    let uvw = (ray.origin + t * ray.direction) / frame.size_world + 0.5;
+    return clamp(floor(uvw * frame.voxels / MACROCELL_EDGE), vec3f(0.0), cells - 1.0);
+}
+
+// Distances between which a ray is in cells closer than `reach` to a cell.
+fn cells_interval(ray: Ray, cell: vec3f, reach: f32) -> vec2f {
+    let world_from_cell = MACROCELL_EDGE * frame.size_world / frame.voxels;
+    let low = (cell - (reach - 1.0)) * world_from_cell - 0.5 * frame.size_world;
+    let high = (cell + reach) * world_from_cell - 0.5 * frame.size_world;
+    return box_interval(ray, low, high);
+}
+
+// The piece of the transfer function that holds at s, if `wanted`: the last control point at or
+// below it. Loops end by their bounds: see `ray_cast` in ray_cast/ray_cast.wgsl.
+fn piece_of(s: f32, wanted: bool) -> i32 {
+    let entry = table_entry(s);
+    var piece = entry.point;
+    let last = i32(steering(frame.point_count)) - 1;
+    var more = select(0, last - piece, wanted && entry.split);
+    for (var i = 0; i < more; i++) {
+        let next = begins_below(piece + 1, s, true);
+        piece += select(0, 1, next);
+        more = select(0, more, next);
+    }
+    return piece;
+}
