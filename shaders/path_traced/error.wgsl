@@ -1,12 +1,12 @@
-// How well a picture is known: sums over pixels of the variance of the mean, of the squared mean,
-// and of throughput that was cut off. One partial sum a workgroup; the host adds them.
+// How well a picture is known: sums over pixels of the variance of the mean and of the squared mean.
+// One partial sum a workgroup; the host adds them.
 
 @group(0) @binding(0) var<uniform> pixel_count: vec4u;
 @group(0) @binding(1) var<storage, read> film: array<vec4f>;
 @group(0) @binding(2) var<storage, read> spreads: array<vec4f>;
-@group(0) @binding(3) var<storage, read_write> sums: array<vec4f>;
+@group(0) @binding(3) var<storage, read_write> sums: array<vec2f>;
 
-var<workgroup> group_sums: array<vec4f, 256>;
+var<workgroup> group_sums: array<vec2f, 256>;
 
 @compute @workgroup_size(256)
 fn error(
@@ -16,13 +16,12 @@ fn error(
 ) {
     let block = group.y * groups.x + group.x;
     let index = block * 256u + lane;
-    var mine = vec4f(0.0);
+    var mine = vec2f(0.0);
     if index < pixel_count.x {
-        let sum = film[index];
-        let count = max(sum.w, 1.0);
-        let mean = sum.xyz / count;
-        let variance = spreads[index].xyz / (count * max(count - 1.0, 1.0));
-        mine = vec4f(dot(variance, vec3f(1.0)), dot(mean, mean), spreads[index].w, sum.w);
+        let mean = film[index].xyz;
+        let spread = spreads[index];
+        let variance = spread.xyz / max(spread.w * (spread.w - 1.0), 1.0);
+        mine = vec2f(dot(variance, vec3f(1.0)), dot(mean, mean));
     }
     group_sums[lane] = mine;
     workgroupBarrier();

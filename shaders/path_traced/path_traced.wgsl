@@ -4,16 +4,16 @@
 
 override ENVIRONMENT_IMAGE: bool = true;
 
-// Sums of radiance, and the number of paths.
+// Mean radiance, and 1. Means, not sums: adding up what is always the same would drift.
 @group(0) @binding(5) var<storage, read_write> film: array<vec4f>;
 // Pairs of low and high words: tentative collisions, cells looked up, scattering events, shadow
-// rays, paths, paths dropped because they were not finite; then single ones: pixels unfinished,
-// tiles restarted.
+// rays, paths, paths dropped because they were not finite, 1024ths of throughput cut off; then one
+// word: pixels unfinished.
 @group(0) @binding(6) var<storage, read_write> counters: array<atomic<u32>>;
 // Paths under way, of the rows at work.
 @group(0) @binding(10) var<storage, read_write> paths: array<Path>;
 @group(0) @binding(14) var<uniform> path_tracer: PathTracer;
-// Sums of squared deviations from the mean, and of throughput that was cut off.
+// Sums of squared deviations from the mean (Welford 1962), and the number of paths.
 @group(0) @binding(15) var<storage, read_write> spreads: array<vec4f>;
 // For each tile of 8 x 8 pixels two words: the bins its paths relied on.
 @group(0) @binding(16) var<storage, read_write> tiles: array<atomic<u32>>;
@@ -92,7 +92,8 @@ const SHADOW = 3u;
 // Added to these while the ray has not begun.
 const TO_BEGIN = 4u;
 
-const PATH_COUNTERS = 6u;
+const PATH_COUNTERS = 7u;
+const CUT_UNIT = 1024.0;
 var<workgroup> group_counts: array<atomic<u32>, PATH_COUNTERS>;
 var<workgroup> group_unfinished: atomic<u32>;
 
@@ -111,16 +112,17 @@ fn path_trace(
     let place = vec2f(f32(column), f32(frame.first_row + row));
     var path = paths[slot];
     if path_tracer.fresh == 1u { path.stage = START; }
-    var sum = film[index];
+    var mean = film[index];
     var spread = spreads[index];
     // scattering events, shadow rays, paths, not finite
     var counts = vec4u(0u);
+    var cut_off = 0.0;
     // Idle invocations make no trip through the loop; a loop that no lane takes part in otherwise
     // runs to its bound on Mesa 22's software device.
-    var rays = select(0u, path_tracer.rays, inside && u32(sum.w) < path_tracer.wanted);
+    var rays = select(0u, path_tracer.rays, inside && u32(spread.w) < path_tracer.wanted);
     var steps = select(0u, path_tracer.steps, rays > 0u);
     for (var i = 0u; i < rays; i++) {
-        let pixel = vec2u(index, u32(sum.w));
+        let pixel = vec2u(index, u32(spread.w));
         if path.stage == START { begin_path(&path, pixel, place); }
         begin_ray(&path, pixel);
         let outcome = track(&path, pixel, &steps);
@@ -135,25 +137,27 @@ fn path_trace(
                 radiance = vec3f(0.0);
                 counts.w += 1u;
             }
-            let deviation = radiance - sum.xyz / max(sum.w, 1.0);
-            spread += vec4f(deviation * deviation * (sum.w / (sum.w + 1.0)), cut);
-            sum += vec4f(radiance, 1.0);
+            cut_off += cut;
+            let deviation = radiance - mean.xyz;
+            mean = vec4f(mean.xyz + deviation / (spread.w + 1.0), 1.0);
+            spread += vec4f(deviation * (radiance - mean.xyz), 1.0);
         }
-        if u32(sum.w) >= path_tracer.wanted || steps == 0u { rays = 0u; }
+        if u32(spread.w) >= path_tracer.wanted || steps == 0u { rays = 0u; }
     }
     let tile = 2u * (group.y + frame.first_row / 8u) * ((frame.image.x + 7u) / 8u) + 2u * group.x;
     if inside {
         paths[slot] = path;
-        film[index] = sum;
+        film[index] = mean;
         spreads[index] = spread;
         atomicOr(&tiles[tile], bins_met.x);
         atomicOr(&tiles[tile + 1u], bins_met.y);
-        atomicAdd(&group_unfinished, select(0u, 1u, u32(sum.w) < path_tracer.wanted));
+        atomicAdd(&group_unfinished, select(0u, 1u, u32(spread.w) < path_tracer.wanted));
         atomicAdd(&group_counts[0], lookups.x);
         atomicAdd(&group_counts[1], lookups.y);
         for (var i = 0u; i < 4u; i++) {
             atomicAdd(&group_counts[2u + i], counts[i]);
         }
+        atomicAdd(&group_counts[6], u32(round(CUT_UNIT * cut_off)));
     }
     workgroupBarrier();
     if lane < PATH_COUNTERS {

@@ -1,5 +1,6 @@
 //! Following paths into a view's film, band by band of rows, dispatch by dispatch.
 
+use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use glam::DMat3;
@@ -8,7 +9,7 @@ use scene::light::LightGeometry;
 use scene::plan::{Target, good_enough};
 use scene::{Background, Majorants, Scene};
 
-use super::{DrawRequest, Renderer};
+use super::{DrawRequest, Radiance, Renderer};
 use crate::environment_map;
 use crate::error::RenderError;
 use crate::frame::frame_uniform;
@@ -35,13 +36,14 @@ const STEPS_A_RAY: u32 = 64;
 /// Fewest paths of a pixel whose spread tells how well the picture is known.
 const FEWEST_FOR_ERROR: u32 = 16;
 /// Names of the counters, in the shader's order.
-const COUNTERS: [&str; 6] = [
+const COUNTERS: [&str; 7] = [
     "tentative_collisions",
     "cells_visited",
     "scattering_events",
     "shadow_rays",
     "paths",
     "paths_not_finite",
+    "throughput_cut_1024ths",
 ];
 /// Bytes of counters that are kept over a call, two words each.
 const KEPT_COUNTER_BYTES: u64 = 8 * COUNTERS.len() as u64;
@@ -56,7 +58,7 @@ const TILE_BYTES: u64 = 8;
 
 /// What the path tracer keeps of a film beside the film.
 pub(crate) struct PathFilm {
-    /// Squared deviations, and throughput that was cut, of each pixel.
+    /// Squared deviations and number of paths of each pixel.
     spreads: wgpu::Buffer,
     /// Bins that each tile's paths relied on.
     tiles: wgpu::Buffer,
@@ -74,6 +76,9 @@ pub(crate) struct PathFilm {
     rays: u32,
     /// Bins of each tile when the last pass ended.
     tile_bins: Vec<u64>,
+    /// Since the film began: throughput that was cut off, and paths.
+    cut: f64,
+    traced: f64,
     /// How well the film is known, once it is.
     pub estimate: Option<PathEstimate>,
     /// What the last edit left, of all tiles.
@@ -183,6 +188,7 @@ impl Renderer {
         self.gpu.queue.submit([encoder.finish()]);
         paths.strips.fill(0);
         (paths.band, paths.estimate, paths.tiles_kept) = (None, None, None);
+        (paths.cut, paths.traced) = (0.0, 0.0);
         Ok(())
     }
 
@@ -203,13 +209,15 @@ impl Renderer {
                 std::mem::size_of::<uniforms::PathTracer>() as u64,
                 uniform,
             )?,
-            sums: gpu.buffer("error sums", pixels.div_ceil(u64::from(ERROR_BLOCK)) * 16, usage)?,
+            sums: gpu.buffer("error sums", pixels.div_ceil(u64::from(ERROR_BLOCK)) * 8, usage)?,
             width,
             height,
             strips: vec![0; strips as usize],
             band: None,
             rays: 1,
             tile_bins: Vec::new(),
+            cut: 0.0,
+            traced: 0.0,
             estimate: None,
             tiles_kept: None,
         })
@@ -358,7 +366,8 @@ impl Renderer {
                 film.rows = 0;
                 paths.tile_bins = self.read_tiles(paths)?;
                 if film.samples >= FEWEST_FOR_ERROR.min(wanted_at_most).max(2) {
-                    paths.estimate = self.path_estimate(paths, &buffers.film)?;
+                    let relative_error = self.relative_error(paths, &buffers.film)?;
+                    paths.estimate = Some(PathEstimate { relative_error, cut: 0.0 });
                 }
                 continue;
             };
@@ -413,12 +422,8 @@ impl Renderer {
         Some(Band { first_row, rows: rows.min(paths.height - first_row), wanted, begun: false })
     }
 
-    /// How well the film is known.
-    fn path_estimate(
-        &self,
-        paths: &PathFilm,
-        film: &wgpu::Buffer,
-    ) -> Result<Option<PathEstimate>, RenderError> {
+    /// Relative standard error of the film.
+    fn relative_error(&self, paths: &PathFilm, film: &wgpu::Buffer) -> Result<f64, RenderError> {
         let pixels = paths.width * paths.height;
         let blocks = pixels.div_ceil(ERROR_BLOCK);
         self.gpu.queue.write_buffer(&paths.uniform, 0, bytemuck::cast_slice(&[pixels, 0, 0, 0]));
@@ -430,23 +435,47 @@ impl Renderer {
         ];
         let columns = blocks.min(wgpu::Limits::default().max_compute_workgroups_per_dimension);
         self.dispatch(&self.path_tracer.error, &entries, [columns, blocks.div_ceil(columns)]);
-        let bytes = self.gpu.read_buffer(&paths.sums, u64::from(blocks) * 16)?;
-        let sums: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&bytes);
-        let total = |channel: usize| sums.iter().map(|sum| f64::from(sum[channel])).sum::<f64>();
-        let (variance, squared_mean, cut, count) = (total(0), total(1), total(2), total(3));
-        let relative_error = if squared_mean > 0.0 { (variance / squared_mean).sqrt() } else { 0.0 };
-        Ok(Some(PathEstimate { relative_error, cut: cut / count.max(1.0) }))
+        let bytes = self.gpu.read_buffer(&paths.sums, u64::from(blocks) * 8)?;
+        let sums: Vec<[f32; 2]> = bytemuck::pod_collect_to_vec(&bytes);
+        let total = |which: usize| sums.iter().map(|sum| f64::from(sum[which])).sum::<f64>();
+        let (variance, squared_mean) = (total(0), total(1));
+        Ok(if squared_mean > 0.0 { (variance / squared_mean).sqrt() } else { 0.0 })
     }
 
-    /// The counters of the last call, by name.
+    /// Standard error of each value of [`Renderer::radiance`], of a path-traced film.
+    ///
+    /// # Errors
+    /// GPU errors; a view whose film is not path-traced.
+    pub fn standard_error(&self, view: &View) -> Result<Radiance, RenderError> {
+        let (Some(film), Some(paths)) = (&view.film, &view.paths) else {
+            return Err(RenderError::Gpu("the view's film is not path-traced".into()));
+        };
+        let bytes = u64::from(film.width) * u64::from(film.height) * FILM_PIXEL_BYTES;
+        let spreads: Vec<[f32; 4]> =
+            bytemuck::pod_collect_to_vec(&self.gpu.read_buffer(&paths.spreads, bytes)?);
+        let error = |&[r, g, b, count]: &[f32; 4]| {
+            let share = 1.0 / (count * (count - 1.0)).max(1.0);
+            [r, g, b].map(|spread| (spread * share).sqrt())
+        };
+        let rgb = spreads.iter().flat_map(error).collect();
+        Ok(Radiance { width: film.width, height: film.height, rgb })
+    }
+
+    /// The counters of the last call, by name; what was cut is added to the film's estimate.
     pub(super) fn read_path_counters(
         &self,
-        view: &View,
-        counters: &mut std::collections::BTreeMap<String, u64>,
+        view: &mut View,
+        counters: &mut BTreeMap<String, u64>,
     ) -> Result<(), RenderError> {
-        let Some(buffers) = &view.buffers else { return Ok(()) };
+        let (Some(buffers), Some(paths)) = (&view.buffers, &mut view.paths) else { return Ok(()) };
         let bytes = self.gpu.read_buffer(&buffers.counters, KEPT_COUNTER_BYTES)?;
         super::casting::name_counters(&COUNTERS, &bytes, counters);
+        let count = |name: &str| counters.get(name).copied().unwrap_or(0) as f64;
+        paths.cut += count("throughput_cut_1024ths") / 1024.0;
+        paths.traced += count("paths");
+        if let Some(estimate) = &mut paths.estimate {
+            estimate.cut = paths.cut / paths.traced.max(1.0);
+        }
         Ok(())
     }
 }
