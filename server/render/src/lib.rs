@@ -12,6 +12,9 @@ mod gpu;
 mod path_tracer;
 mod ray_cast;
 mod renderer;
+#[cfg(test)]
+#[allow(clippy::unwrap_used, clippy::expect_used)]
+mod sampler_tests;
 mod segments;
 pub mod shaders;
 pub mod still;

@@ -38,6 +38,10 @@ pub const PATH_TRACE: &str = parts!(
     "path_traced/path_traced.wgsl",
 );
 
+/// Entry points that tests of samplers join to [`PATH_TRACE`].
+#[cfg(test)]
+pub(crate) const SAMPLER_TEST: &str = parts!("path_traced/sampler_test.wgsl");
+
 /// `restart_tiles`.
 pub const RESTART_TILES: &str = parts!("path_traced/restart.wgsl");
 

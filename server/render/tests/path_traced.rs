@@ -18,7 +18,7 @@ use serde_json::{Value, json};
 /// Pixels of a picture.
 const SIZE: [u32; 2] = [10, 8];
 /// Paths of each pixel, on both sides.
-const PATHS: u32 = 1024;
+const PATHS: u32 = 512;
 /// A right tracer fails one of the tests once in ten thousand changes of its random numbers.
 const LEVEL: f64 = 1e-4;
 /// What a wrong tracer's test must stay below.
@@ -202,4 +202,34 @@ fn agrees_with_the_reference() {
         }
     }
     assert!(failed.is_empty(), "{failed:#?}");
+}
+
+#[test]
+fn other_scenes_are_noticed() {
+    let volume = blobs([14, 12, 16]);
+    let of = |patch| scene(&volume, patch);
+    let phase = |g: f64| {
+        json!({"materials": {"m": {"phase": {"type": "henyey_greenstein", "g": g}},
+            "n": {"phase": {"type": "henyey_greenstein", "g": g}}}})
+    };
+    let albedo = |a: f64| {
+        json!({"transfer_function": {"points": [{"s": 0.4, "extinction": 0, "albedo": [a, a, a]},
+            {"s": 0.6, "extinction": 20, "albedo": [a, a, a]}]}})
+    };
+    let pairs = [
+        ("sign of g", of(phase(0.6)), of(phase(-0.6))),
+        ("albedo", of(albedo(0.95)), of(albedo(0.9))),
+        ("density", of(json!({})), of(json!({"density": 1.25}))),
+        ("orders", of(json!({"scattering": {"orders": 2}})), of(json!({"scattering": {"orders": 3}}))),
+        (
+            "shadows of clipped matter",
+            of(json!({"clip": {"box": [[0, 0, 0], [1, 0.6, 1]], "shadows": true}})),
+            of(json!({"clip": {"box": [[0, 0, 0], [1, 0.6, 1]], "shadows": false}})),
+        ),
+    ];
+    for (name, drawn, judged) in pairs {
+        let test = judge(&drawn, &judged);
+        eprintln!("{name}: {test:?}");
+        assert!(!test.passes(CERTAIN), "{name}: {test:?}");
+    }
 }
