@@ -577,10 +577,12 @@ mod tests {
             volume: Some(old),
             transfer_function: Some(old),
             distance_map: Some(old),
+            majorants: Some(old),
             lights: Some(old),
+            environment: Some(old),
             film: Some(state),
             picture: Some(state),
-            segments: SegmentsState::default(),
+            ..Caches::default()
         };
         let plan = Plan::new(&caches, new, TARGET);
         plan.passes.iter().filter(|p| p.runs).map(|p| p.pass.name()).collect()
@@ -590,9 +592,50 @@ mod tests {
     fn the_first_frame_runs_everything() {
         let volume = volume();
         let plan = Plan::new(&Caches::default(), &scene(&volume, json!({})), TARGET);
-        assert!(plan.passes.iter().all(|p| p.runs != (p.pass == Pass::ViewSegments)), "{plan:?}");
+        let idle = [Pass::ViewSegments, Pass::Majorants, Pass::UploadEnvironment, Pass::PathTrace];
+        assert!(plan.passes.iter().all(|p| p.runs != idle.contains(&p.pass)), "{plan:?}");
         let cast = plan.passes.iter().find(|p| p.pass == Pass::RayCast).unwrap();
         assert_eq!(cast.work, 64 * 48 * 4);
+    }
+
+    #[test]
+    fn paths_depend_on_more_than_rays_do_and_on_less() {
+        let volume = volume();
+        let traced = |mut patch: serde_json::Value| {
+            if patch.get("illumination").is_none() {
+                patch["illumination"] = json!({"method": "path_traced"});
+            }
+            scene(&volume, patch)
+        };
+        let old = traced(json!({}));
+        let first = Plan::new(&Caches::default(), &old, TARGET);
+        assert!(first.runs(Pass::Majorants) && first.runs(Pass::PathTrace), "{first:?}");
+        assert!(!first.runs(Pass::DistanceMap) && !first.runs(Pass::RayCast), "{first:?}");
+        let check = |patch, expected: &[&str]| assert_eq!(running(&old, &traced(patch)), expected);
+        check(json!({}), &[]);
+        check(json!({"scattering": {"orders": 1}}), &["path_trace", "tone_map"]);
+        check(json!({"clip": {"shadows": false}}), &["path_trace", "tone_map"]);
+        check(json!({"sampling": {"step_voxels": 0.5, "termination_transmittance": 0}}), &[]);
+        let paths =
+            |longest: u32| json!({"illumination": {"method": "path_traced", "longest_path": longest}});
+        check(paths(7), &["path_trace", "tone_map"]);
+        let points = |top: f64| json!([{"s": 0, "extinction": 0}, {"s": 0.15, "extinction": 0}, {"s": 1, "extinction": top}]);
+        let denser = json!({"transfer_function": {"points": points(90.0)}});
+        check(denser.clone(), &["upload_transfer_function", "majorants", "path_trace", "tone_map"]);
+        // Matter alone changed: tiles restart, and how many is known from what their paths met.
+        let new = traced(denser);
+        let state = FilmState { scene: &old, held: TARGET, error: Some(0.01) };
+        let caches = Caches { film: Some(state), tiles: &[1, u64::MAX, 0, 1], ..Caches::default() };
+        let FilmPlan::RestartTiles { bins, stale_share } = Plan::new(&caches, &new, TARGET).film else {
+            panic!("tiles restart")
+        };
+        assert!(bins != 0 && bins & 1 == 0 && stale_share == 0.25, "{bins:b} {stale_share}");
+        // An error that is good enough ends it; a better one asked for goes on.
+        let more = Target { samples_per_pixel: 400, ..TARGET };
+        for (wanted, runs) in [(0.02, false), (0.005, true)] {
+            let scene = traced(json!({"illumination": {"method": "path_traced", "max_error": wanted}}));
+            assert_eq!(Plan::new(&caches, &scene, more).runs(Pass::PathTrace), runs, "{wanted}");
+        }
     }
 
     #[test]
@@ -689,7 +732,7 @@ mod tests {
         let volume = volume();
         let tf = |top: f64| json!([{"s": 0, "extinction": 0}, {"s": 0.7, "extinction": 0}, {"s": 1, "extinction": top}]);
         let old = scene(&volume, json!({"transfer_function": {"points": tf(60.0)}}));
-        let film = FilmState { scene: &old, held: TARGET };
+        let film = FilmState { scene: &old, held: TARGET, error: None };
         let plan = |new: &Scene, segments: SegmentsState<'_>| {
             let caches = Caches { film: Some(film), segments, ..Caches::default() };
             Plan::new(&caches, new, TARGET).segments

@@ -468,7 +468,21 @@ export type Illumination = {
 /**
  * Which method supplies the in-scattered radiance.
  */
-method: Method, };
+method: Method, 
+/**
+ * `path_traced`: paths of each pixel at rest, 1..1048576.
+ */
+paths_per_pixel: number, 
+/**
+ * `path_traced`: ends earlier, once the picture's relative standard error is no more than
+ * this, 0..1.
+ */
+max_error: number, 
+/**
+ * `path_traced`: scattering events after which a path is cut, 1..10^9. What is lost by it is
+ * counted.
+ */
+longest_path: number, };
 
 export type Method = "local" | "convection_diffusion" | "image_based" | "precomputed_transfer" | "photon_map" | "path_traced";
 
