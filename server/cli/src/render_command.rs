@@ -6,11 +6,11 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use proto::SceneFile;
-use proto::scene_file::limits::MAX_IMAGE_EDGE;
+use proto::scene_file::limits::{MAX_IMAGE_EDGE, MAX_PATHS_PER_PIXEL};
 use render::fit::DEFAULT_MAX_TEXTURE_BYTES;
-use render::{AdapterPolicy, DrawRequest, Drawn, Gpu, Renderer, View, still};
+use render::{AdapterPolicy, DrawRequest, Drawn, Gpu, PathEstimate, Renderer, View, still};
 use scene::plan::Target;
-use scene::{Scene, Snapshot};
+use scene::{Integrator, Scene, Snapshot};
 use serde_json::{Value, json};
 
 use crate::Refused;
@@ -35,7 +35,8 @@ pub struct Arguments {
     /// Keep adding samples for this long.
     #[arg(long, value_name = "S")]
     budget_seconds: Option<f64>,
-    /// Stop at this relative error.
+    /// Stop at this relative standard error, 0..1: root mean square of the pixels' standard errors
+    /// over that of their means. For methods that know theirs.
     #[arg(long, value_name = "E")]
     max_error: Option<f64>,
     /// JSON merge patch applied to the running scene, incrementally; may be repeated. The picture
@@ -91,9 +92,15 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     if let Some(method) = &arguments.method {
         disk.set("illumination.method", json!(method))?;
     }
+    if let Some(error) = arguments.max_error {
+        if !(error > 0.0 && error <= 1.0) {
+            return Err(Refused("--max-error: must be above 0 and at most 1".into()).into());
+        }
+        disk.set("illumination.max_error", json!(error))?;
+    }
     let edits = arguments.edit.iter().map(|path| read_patch(path)).collect::<anyhow::Result<Vec<Value>>>()?;
     let (file, scene) = disk.scene()?;
-    if arguments.max_error.is_some() {
+    if arguments.max_error.is_some() && scene.integrator() != Integrator::PathTracer {
         let method = scene.method.name();
         let message = format!("--max-error: `{method}` keeps no estimate of its error; use --budget-seconds");
         return Err(Refused(message).into());
@@ -138,10 +145,15 @@ impl Session<'_> {
     fn draw(&mut self, file: &SceneFile, scene: Scene, name: &str) -> anyhow::Result<Value> {
         self.epoch += 1;
         let (width, height) = self.arguments.size.unwrap_or((file.image.width, file.image.height));
-        let samples = scene.samples_at_rest();
+        // A time or an error are the only bounds where they are given.
+        let until_bound = match scene.integrator() {
+            Integrator::RayCaster => MAX_SAMPLES_PER_PIXEL,
+            Integrator::PathTracer => MAX_PATHS_PER_PIXEL,
+        };
+        let bounded = self.arguments.budget_seconds.is_some() || self.arguments.max_error.is_some();
+        let samples_per_pixel = if bounded { until_bound } else { scene.samples_at_rest() };
         let snapshot = Arc::new(Snapshot { epoch: self.epoch, scene });
         let budget = self.arguments.budget_seconds.map(Duration::from_secs_f64);
-        let samples_per_pixel = if budget.is_some() { MAX_SAMPLES_PER_PIXEL } else { samples };
         let target = Target { width, height, samples_per_pixel };
         let began = Instant::now();
         let mut drawn =
@@ -155,6 +167,7 @@ impl Session<'_> {
                 *drawn.counters.entry(name).or_default() += count;
             }
             drawn.samples_per_pixel = rest.samples_per_pixel;
+            drawn.estimate = rest.estimate;
         }
         let millis = began.elapsed().as_secs_f64() * 1e3;
         // A session tone-maps and reads back after each edit, too.
@@ -178,6 +191,15 @@ impl Session<'_> {
         if reused + recomputed > 0 {
             report["segments"] =
                 json!({"total": reused + recomputed, "reused": reused, "recomputed": recomputed});
+        }
+        let (reused, recomputed) = (count("tiles_reused"), count("tiles_recomputed"));
+        if reused + recomputed > 0 {
+            report["tiles"] =
+                json!({"total": reused + recomputed, "reused": reused, "recomputed": recomputed});
+        }
+        if let Some(PathEstimate { relative_error, cut }) = drawn.estimate {
+            report["relative_error"] = json!(relative_error);
+            report["throughput_cut"] = json!(cut);
         }
         Ok(report)
     }

@@ -2,12 +2,17 @@
 
 import { NativeSelect, Switch } from "@mantine/core";
 import { ColorField, NumberField, Row, Section, SliderField } from "../app/controls";
-import type { ToneMapping } from "../generated/proto";
+import type { Illumination, Sampling, ToneMapping } from "../generated/proto";
 import { session } from "../session/engine";
 import { useSession } from "../session/store";
-import { withoutEffect } from "./methods";
+import { isTraced, withoutEffect } from "./methods";
 
 const MAX_SAMPLES = 4096;
+const MAX_PATHS = 1 << 20;
+/** Paths per pixel at the end of the slider. */
+const SLIDER_PATHS = 16384;
+/** Errors at the ends of the slider, percent; below the first one the picture does not stop for its error. */
+const ERRORS = { from: 0.1, to: 20 };
 /** Samples per pixel at the end of the slider. */
 const SLIDER_SAMPLES = 256;
 /** Scattering orders that can be typed; the scene's own limit. */
@@ -31,13 +36,13 @@ export function QualityPanel() {
   const background = useSession((state) => state.scene?.background);
   const filter = useSession((state) => state.scene?.volume.filter);
   const orders = useSession((state) => state.scene?.scattering.orders);
-  const method = useSession((state) => state.scene?.illumination.method);
-  if (!sampling || !film || background === undefined || orders === undefined || method === undefined) return null;
-  const ordersLack = withoutEffect(method, "scattering orders");
+  const illumination = useSession((state) => state.scene?.illumination);
+  const traced = useSession((state) => state.scene !== null && isTraced(state.scene));
+  if (!sampling || !film || background === undefined || orders === undefined || illumination === undefined) return null;
+  const ordersLack = withoutEffect(illumination.method, "scattering orders");
   return (
-    <Section id="quality" title="Quality" fields={["sampling", "film", "background", "volume", "scattering"]}>
-      <SliderField label="Step" hint="Distance between samples on a ray, in smallest voxel edges" value={sampling.step_voxels} min={1 / 16} max={8} step={0.05} toSlider={Math.log2} fromSlider={(x) => 2 ** x} testId="step-voxels" onChange={(step_voxels) => session.edit({ sampling: { step_voxels } }, "step")} />
-      <SliderField label="Samples" hint="Jittered passes per pixel that are accumulated at rest" value={sampling.samples_per_pixel} min={1} max={MAX_SAMPLES} sliderMax={SLIDER_SAMPLES} step={1} toSlider={Math.log2} fromSlider={(x) => Math.round(2 ** x)} digits={4} testId="samples-per-pixel" onChange={(samples) => session.edit({ sampling: { samples_per_pixel: Math.round(samples) } }, "samples")} />
+    <Section id="quality" title="Quality" fields={["sampling", "film", "background", "volume", "scattering", "illumination"]}>
+      {traced ? <PathFields illumination={illumination} /> : <RayFields sampling={sampling} />}
       <Row label="Empty space" hint="Skips regions without matter; never changes the picture">
         <Switch checked={sampling.skip_empty} label="Skip" data-testid="skip-empty" onChange={(event) => session.edit({ sampling: { skip_empty: event.currentTarget.checked } })} />
       </Row>
@@ -64,5 +69,26 @@ export function QualityPanel() {
         <Switch checked={background === "environment"} label="Environment" data-testid="background-environment" onChange={(event) => session.edit({ background: event.currentTarget.checked ? "environment" : [0, 0, 0] })} />
       </Row>
     </Section>
+  );
+}
+
+/** Sampling of rays that are cast. */
+function RayFields({ sampling }: { sampling: Sampling }) {
+  return (
+    <>
+        <SliderField label="Step" hint="Distance between samples on a ray, in smallest voxel edges" value={sampling.step_voxels} min={1 / 16} max={8} step={0.05} toSlider={Math.log2} fromSlider={(x) => 2 ** x} testId="step-voxels" onChange={(step_voxels) => session.edit({ sampling: { step_voxels } }, "step")} />
+        <SliderField label="Samples" hint="Jittered passes per pixel that are accumulated at rest" value={sampling.samples_per_pixel} min={1} max={MAX_SAMPLES} sliderMax={SLIDER_SAMPLES} step={1} toSlider={Math.log2} fromSlider={(x) => Math.round(2 ** x)} digits={4} testId="samples-per-pixel" onChange={(samples) => session.edit({ sampling: { samples_per_pixel: Math.round(samples) } }, "samples")} />
+    </>
+  );
+}
+
+/** When the path tracer has done enough. */
+function PathFields({ illumination }: { illumination: Illumination }) {
+  const percent = illumination.max_error * 100;
+  return (
+    <>
+      <SliderField label="Paths" hint="Paths of light per pixel that are followed at rest" value={illumination.paths_per_pixel} min={1} max={MAX_PATHS} sliderMax={SLIDER_PATHS} step={1} toSlider={Math.log2} fromSlider={(x) => Math.round(2 ** x)} digits={7} testId="paths-per-pixel" onChange={(paths) => session.edit({ illumination: { paths_per_pixel: Math.round(paths) } }, "paths")} />
+      <SliderField label="Stop at error" hint="Percent: the picture is final once its standard error is this small, or all paths are followed; 0 waits for all paths" value={percent} min={0} max={100} sliderMax={ERRORS.to} step={0.1} toSlider={(x) => Math.log2(Math.max(ERRORS.from, x))} fromSlider={(x) => (2 ** x <= ERRORS.from ? 0 : 2 ** x)} testId="max-error" onChange={(error) => session.edit({ illumination: { max_error: error / 100 } }, "error")} />
+    </>
   );
 }

@@ -22,6 +22,12 @@ export const methodChoices: readonly MethodChoice[] = [
 
 export const labelOf = (method: Method): string => methodChoices.find((choice) => choice.method === method)?.label ?? method;
 
+/** Whether paths make the picture: projections, slices and isosurfaces are cast by every method. */
+export const isTraced = ({ illumination, rendering }: Pick<SceneFile, "illumination" | "rendering">): boolean => illumination.method === "path_traced" && rendering.mode === "volume";
+
+/** Samples per pixel of a final picture. */
+export const samplesAtRest = (scene: SceneFile): number => (isTraced(scene) ? scene.illumination.paths_per_pixel : scene.sampling.samples_per_pixel);
+
 /** What a control of the panels does not do with this method, in words; null if it works. */
 export function withoutEffect(method: Method, control: "clip shadows" | "scattering orders"): string | null {
   if (method !== "local") return null;

@@ -4,6 +4,7 @@ import { IconButton } from "../app/controls";
 import { useUi } from "../app/uiStore";
 import { formatBytes } from "../datasets/format";
 import type { FrameHeader, FrameReport } from "../generated/proto";
+import { samplesAtRest } from "../quality/methods";
 import { pictureState, useSession } from "../session/store";
 import { formatCount, headline, passesRun, stateInWords, words } from "./figures";
 
@@ -12,7 +13,7 @@ export function StatisticsPanel() {
   const change = useSession((state) => state.changeReport);
   const picture = useSession((state) => state.pictureReport);
   const frame = useSession((session) => session.frame);
-  const samples = useSession((session) => session.scene?.sampling.samples_per_pixel ?? 1);
+  const samples = useSession((session) => (session.scene ? samplesAtRest(session.scene) : 1));
   const state = stateInWords(useSession(pictureState), frame, samples);
   return (
     <aside className="statistics" data-testid="statistics">

@@ -1,13 +1,14 @@
 /** The product's promise on one line: state, error, latency, bandwidth, what was saved. */
 
 import { useUi } from "../app/uiStore";
+import { samplesAtRest } from "../quality/methods";
 import { pictureState, useSession, type PictureState } from "../session/store";
 import { reusedShare, skippedShare, stateInWords } from "./figures";
 
 export function StatusLine() {
   const state = useSession(pictureState);
   const frame = useSession((session) => session.frame);
-  const samples = useSession((session) => session.scene?.sampling.samples_per_pixel ?? 1);
+  const samples = useSession((session) => (session.scene ? samplesAtRest(session.scene) : 1));
   const skipped = useSession((session) => skippedShare(session.pictureReport));
   const reused = useSession((session) => reusedShare(session.pictureReport));
   const software = useSession((session) => session.device?.software ?? session.status?.device.software ?? false);
@@ -20,10 +21,10 @@ export function StatusLine() {
       {software && <span className="status-software" data-testid="status-software" title="No GPU: a software device draws, at reduced resolution while moving">software device</span>}
       {/* Most important first: what has no room goes to a second row, which is not seen. */}
       <span className="status-figures">
-        {error !== null && <Figure label="error" hint="Estimated error of the picture" value={`${(error * 100).toFixed(1)} %`} width={88} testId="status-error" />}
+        {error !== null && <Figure label="error" hint="Standard error of the picture: it falls as paths are added" value={`${(error * 100).toFixed(1)} %`} width={88} testId="status-error" />}
         <Figure label="input to picture" hint="Time from what you do to the picture that shows it; median of the last inputs" value={latencyMillis === null ? "–" : `${Math.round(latencyMillis)} ms`} width={150} testId="status-latency" />
         <Figure label="samples skipped" hint="Share of the samples on view rays that lie in empty space and cost nothing" value={skipped === null ? "–" : `${Math.round(skipped * 100)} %`} width={138} testId="status-skipped" />
-        <Figure label="rays reused" hint="Share of the pieces of view rays that the last edit of matter left as they were" value={reused === null ? "–" : `${Math.round(reused * 100)} %`} width={112} testId="status-reused" />
+        <Figure label="reused" hint="Share of the picture's pieces (of view rays, or tiles) that the last edit of matter left as they were" value={reused === null ? "–" : `${Math.round(reused * 100)} %`} width={86} testId="status-reused" />
         <Figure label="" hint="Pixels of the picture on screen" value={frame ? `${frame.width} × ${frame.height}` : "–"} width={84} testId="status-resolution" />
         <Figure label="Mbit/s" hint="Received in the last seconds" value={megabitsPerSecond.toFixed(1)} width={78} testId="status-bandwidth" />
         <Figure label="fps" hint="Pictures per second, in the last seconds" value={framesPerSecond.toFixed(0)} width={46} testId="status-fps" />
@@ -37,7 +38,7 @@ const stateHint: Record<PictureState, string> = {
   offline: "There is no connection to the service",
   moving: "Reduced pictures follow what you do",
   refining: "At rest: the picture gets finer by itself",
-  final: "All samples are taken; the picture was sent without loss",
+  final: "As good as asked for; the picture was sent without loss",
 };
 
 function Figure({ label, hint, value, width, testId }: { label: string; hint: string; value: string; width: number; testId: string }) {

@@ -22,11 +22,13 @@ export function skippedShare(report: FrameReport | null): number | null {
   return skipped / (skipped + taken);
 }
 
-/** Share of the seen view-ray segments that outlived the last edit, 0..1; null where rays were cast whole. */
+/** Share of the pieces of the picture (view-ray segments, or tiles) that outlived the last edit, 0..1; null where none are kept. */
 export function reusedShare(report: FrameReport | null): number | null {
-  const { segments_reused: reused, segments_cast: cast } = report?.counters ?? {};
-  if (reused === undefined || cast === undefined || reused + cast === 0) return null;
-  return reused / (reused + cast);
+  const counters = report?.counters ?? {};
+  const reused = counters.tiles_reused ?? counters.segments_reused;
+  const redone = counters.tiles_recomputed ?? counters.segments_cast;
+  if (reused === undefined || redone === undefined || reused + redone === 0) return null;
+  return reused / (reused + redone);
 }
 
 /** What the statistics put first: what the last change was, or why the first picture was drawn. */

@@ -1,8 +1,9 @@
 import { describe, expect, it } from "vitest";
-import type { FrameHeader, FrameReport, Light } from "../generated/proto";
+import type { FrameHeader, FrameReport, Illumination, Light, Method } from "../generated/proto";
 import { shortcoming } from "../quality/methods";
 import { formatCount, headline, passesRun, reusedShare, skippedShare, stateInWords } from "./figures";
 
+const illumination = (method: Method): Illumination => ({ method, paths_per_pixel: 256, max_error: 0, longest_path: 100000 });
 const frame = { samples_per_pixel: 3, width: 640, height: 360, viewport_width: 640, viewport_height: 360 } as FrameHeader;
 const report = (counters: Record<string, number>): FrameReport => ({ changes: [], plan: [], stages: [], counters, gpu_bytes: {} });
 
@@ -26,6 +27,7 @@ describe("the status line", () => {
     expect(reusedShare(report({ segments_reused: 30, segments_cast: 10 }))).toBe(0.75);
     expect(reusedShare(report({ segments_reused: 0, segments_cast: 0 }))).toBeNull();
     expect(reusedShare(report({ samples_taken: 25 }))).toBeNull();
+    expect(reusedShare(report({ tiles_reused: 1, tiles_recomputed: 3 }))).toBe(0.25);
     expect(reusedShare(null)).toBeNull();
   });
 
@@ -53,8 +55,8 @@ describe("a method", () => {
   const sky: Light = { type: "environment", enabled: true, radiance: [1, 1, 1] };
 
   it("says which lights it leaves out", () => {
-    expect(shortcoming({ illumination: { method: "image_based" }, lights: [lamp, sky] })).toContain("left out");
-    expect(shortcoming({ illumination: { method: "image_based" }, lights: [{ ...lamp, enabled: false }, sky] })).toBeNull();
-    expect(shortcoming({ illumination: { method: "photon_map" }, lights: [lamp] })).toBeNull();
+    expect(shortcoming({ illumination: illumination("image_based"), lights: [lamp, sky] })).toContain("left out");
+    expect(shortcoming({ illumination: illumination("image_based"), lights: [{ ...lamp, enabled: false }, sky] })).toBeNull();
+    expect(shortcoming({ illumination: illumination("photon_map"), lights: [lamp] })).toBeNull();
   });
 });
