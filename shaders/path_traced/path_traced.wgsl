@@ -111,7 +111,7 @@ fn path_trace(
     let index = (frame.first_row + row) * frame.image.x + column;
     let place = vec2f(f32(column), f32(frame.first_row + row));
     var path = paths[slot];
-    if path_tracer.fresh == 1u { path.stage = START; }
+    if steering(path_tracer.fresh) == 1u { path.stage = START; }
     var mean = film[index];
     var spread = spreads[index];
     // scattering events, shadow rays, paths, not finite
@@ -119,8 +119,8 @@ fn path_trace(
     var cut_off = 0.0;
     // Idle invocations make no trip through the loop; a loop that no lane takes part in otherwise
     // runs to its bound on Mesa 22's software device.
-    var rays = select(0u, path_tracer.rays, inside && u32(spread.w) < path_tracer.wanted);
-    var steps = select(0u, path_tracer.steps, rays > 0u);
+    var rays = select(0u, steering(path_tracer.rays), inside && u32(spread.w) < steering(path_tracer.wanted));
+    var steps = select(0u, steering(path_tracer.steps), rays > 0u);
     for (var i = 0u; i < rays; i++) {
         let pixel = vec2u(index, u32(spread.w));
         if path.stage == START { begin_path(&path, pixel, place); }
@@ -142,7 +142,7 @@ fn path_trace(
             mean = vec4f(mean.xyz + deviation / (spread.w + 1.0), 1.0);
             spread += vec4f(deviation * (radiance - mean.xyz), 1.0);
         }
-        if u32(spread.w) >= path_tracer.wanted || steps == 0u { rays = 0u; }
+        if u32(spread.w) >= steering(path_tracer.wanted) || steps == 0u { rays = 0u; }
     }
     let tile = 2u * (group.y + frame.first_row / 8u) * ((frame.image.x + 7u) / 8u) + 2u * group.x;
     if inside {
@@ -151,7 +151,7 @@ fn path_trace(
         spreads[index] = spread;
         atomicOr(&tiles[tile], bins_met.x);
         atomicOr(&tiles[tile + 1u], bins_met.y);
-        atomicAdd(&group_unfinished, select(0u, 1u, u32(spread.w) < path_tracer.wanted));
+        atomicAdd(&group_unfinished, select(0u, 1u, u32(spread.w) < steering(path_tracer.wanted)));
         atomicAdd(&group_counts[0], lookups.x);
         atomicAdd(&group_counts[1], lookups.y);
         for (var i = 0u; i < 4u; i++) {
@@ -236,8 +236,8 @@ fn advance(
             // sigma_a L_e / sigma_t.
             (*path).radiance += (*path).throughput * (1.0 - albedo) * emission_at(place);
         }
-        if (*path).scatterings == path_tracer.orders { return true; }
-        if (*path).scatterings == path_tracer.longest {
+        if (*path).scatterings == steering(path_tracer.orders) { return true; }
+        if (*path).scatterings == steering(path_tracer.longest) {
             *cut = brightest;
             return true;
         }
@@ -280,7 +280,7 @@ fn scatter(path: ptr<function, Path>, pixel: vec2u, counts: ptr<function, vec4u>
         }
     }
     if found { return false; }
-    if (*path).scatterings == path_tracer.orders && path_tracer.last_ray_matters == 0u { return true; }
+    if (*path).scatterings == steering(path_tracer.orders) && steering(path_tracer.last_ray_matters) == 0u { return true; }
     let w_i = sample_direction(at, unit4(draw(path, pixel)));
     let density = direction_density(at, w_i);
     let scattered_on = (*path).throughput * scattered(at, w_i) / density;
@@ -302,7 +302,7 @@ fn max_of(v: vec3f) -> f32 {
 
 fn seen_behind(direction: vec3f) -> vec3f {
     if ENVIRONMENT_IMAGE {
-        if path_tracer.image_behind == 1u { return path_tracer.backdrop * image_radiance(direction); }
+        if steering(path_tracer.image_behind) == 1u { return path_tracer.backdrop * image_radiance(direction); }
     }
     return frame.background;
 }

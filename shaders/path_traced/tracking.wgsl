@@ -3,10 +3,9 @@
 // matter. A ray's way through a cell is a function of ray and cell alone, so that leaps change no
 // bit of the picture.
 
-// Above 0: bound of the extinction in the cell. Below 0: no matter in cells closer than that.
-@group(0) @binding(9) var cell_bounds: texture_3d<f32>;
-// Bins that were relied on by reading the bound.
-@group(0) @binding(11) var cell_bins: texture_3d<u32>;
+// The bits of a number: above 0 a bound of the extinction in the cell, below 0 there is no matter in
+// cells closer than that; and the bins that are relied on by reading it.
+@group(0) @binding(9) var macrocells: texture_3d<u32>;
 
 const MACROCELL_EDGE = 4.0;
 // The next cell is looked up this far (world units) behind the border, or less in thin volumes.
@@ -32,8 +31,18 @@ fn track(path: ptr<function, Path>, pixel: vec2u, steps: ptr<function, u32>) -> 
     let ray = Ray((*path).origin, (*path).direction);
     let shadow = (*path).stage == SHADOW;
     let end = (*path).end;
-    let thinnest = MACROCELL_EDGE * frame.size_world / frame.voxels;
-    let margin = min(BORDER_MARGIN, 1e-3 * min(thinnest.x, min(thinnest.y, thinnest.z)));
+    // Along the ray everything is linear: cells, distances of their borders, and place in the volume.
+    let to_cells = frame.voxels / (MACROCELL_EDGE * frame.size_world);
+    let cell_origin = (ray.origin + 0.5 * frame.size_world) * to_cells;
+    let cell_slope = ray.direction * to_cells;
+    let tiny = select(vec3f(PARALLEL), vec3f(-PARALLEL), cell_slope < vec3f(0.0));
+    let border_slope = 1.0 / select(cell_slope, tiny, abs(cell_slope) < vec3f(PARALLEL));
+    let border_origin = -cell_origin * border_slope;
+    let last_cell = vec3f(textureDimensions(macrocells)) - 1.0;
+    let uvw_origin = ray.origin / frame.size_world + 0.5;
+    let uvw_slope = ray.direction / frame.size_world;
+    let thinnest = 1.0 / max(to_cells.x, max(to_cells.y, to_cells.z));
+    let margin = min(BORDER_MARGIN, 1e-3 * thinnest);
     var t = (*path).t;
     var lookup = (*path).lookup;
     var optical_depth = (*path).optical_depth;
@@ -47,13 +56,18 @@ fn track(path: ptr<function, Path>, pixel: vec2u, steps: ptr<function, u32>) -> 
         while !found && outcome == UNFINISHED && left > 0u {
             left -= 1u;
             lookups.y += 1u;
-            let cell = cell_at(ray, lookup);
-            bound = textureLoad(cell_bounds, vec3i(cell), 0).x;
-            bins_met |= textureLoad(cell_bins, vec3i(cell), 0).xy;
-            let inside = cells_interval(ray, cell, max(-bound, 1.0));
-            let far = min(inside.y, end);
+            let cell = clamp(floor(cell_origin + lookup * cell_slope), vec3f(0.0), last_cell);
+            let known = textureLoad(macrocells, vec3i(cell), 0);
+            bound = bitcast<f32>(known.x);
+            bins_met |= known.yz;
+            let reach = max(-bound, 1.0);
+            let low = border_origin + (cell - (reach - 1.0)) * border_slope;
+            let high = border_origin + (cell + reach) * border_slope;
+            let enter = min(low, high);
+            let leave = max(low, high);
+            let far = min(min(leave.x, leave.y), min(leave.z, end));
             if bound > 0.0 {
-                t = max(t, inside.x);
+                t = max(t, max(max(enter.x, enter.y), enter.z));
                 let there = t + optical_depth / bound;
                 found = there < far;
                 optical_depth = max(optical_depth - bound * max(far - t, 0.0), 0.0);
@@ -67,7 +81,7 @@ fn track(path: ptr<function, Path>, pixel: vec2u, steps: ptr<function, u32>) -> 
         }
         if found {
             lookups.x += 1u;
-            let s = s_of_texel(texel_value((ray.origin + t * ray.direction) / frame.size_world + 0.5));
+            let s = s_of_texel(texel_value(uvw_origin + t * uvw_slope));
             let sigma_t = sigma_t_in(piece_of(s, found), s);
             let u = unit2(draw(path, pixel).xy);
             optical_depth = -log(u.x);
@@ -97,20 +111,6 @@ fn draw(path: ptr<function, Path>, pixel: vec2u) -> vec4u {
     let bits = pcg4d(vec4u(pixel, (*path).draws, path_tracer.seed));
     (*path).draws += 1u;
     return bits;
-}
-
-fn cell_at(ray: Ray, t: f32) -> vec3f {
-    let cells = vec3f(textureDimensions(cell_bounds));
-    let uvw = (ray.origin + t * ray.direction) / frame.size_world + 0.5;
-    return clamp(floor(uvw * frame.voxels / MACROCELL_EDGE), vec3f(0.0), cells - 1.0);
-}
-
-// Distances between which a ray is in cells closer than `reach` to a cell.
-fn cells_interval(ray: Ray, cell: vec3f, reach: f32) -> vec2f {
-    let world_from_cell = MACROCELL_EDGE * frame.size_world / frame.voxels;
-    let low = (cell - (reach - 1.0)) * world_from_cell - 0.5 * frame.size_world;
-    let high = (cell + reach) * world_from_cell - 0.5 * frame.size_world;
-    return box_interval(ray, low, high);
 }
 
 // The piece of the transfer function that holds at s, if `wanted`: the last control point at or

@@ -110,7 +110,7 @@ impl PathTracer {
     }
 }
 
-fn layout_entries() -> [wgpu::BindGroupLayoutEntry; 17] {
+fn layout_entries() -> [wgpu::BindGroupLayoutEntry; 16] {
     use wgpu::TextureViewDimension::{D2, D3};
     let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
         binding,
@@ -137,9 +137,8 @@ fn layout_entries() -> [wgpu::BindGroupLayoutEntry; 17] {
         entry(6, write()),
         entry(7, texture(D3, floats)),
         entry(8, wgpu::BindingType::Sampler(wgpu::SamplerBindingType::NonFiltering)),
-        entry(9, texture(D3, floats)),
+        entry(9, texture(D3, wgpu::TextureSampleType::Uint)),
         entry(10, write()),
-        entry(11, texture(D3, wgpu::TextureSampleType::Uint)),
         entry(12, texture(D2, floats)),
         entry(13, texture(D2, floats)),
         entry(14, uniform()),

@@ -15,7 +15,7 @@ pub struct View {
     pub(crate) volume: Option<(Arc<Snapshot>, Arc<VolumeTexture>)>,
     pub(crate) transfer_function: Option<(Arc<Snapshot>, TransferFunctionTables)>,
     pub(crate) distance_map: Option<(Arc<Snapshot>, wgpu::TextureView)>,
-    pub(crate) cells: Option<(Arc<Snapshot>, Cells)>,
+    pub(crate) majorants: Option<(Arc<Snapshot>, wgpu::TextureView)>,
     pub(crate) lights: Option<(Arc<Snapshot>, LightTables)>,
     pub(crate) environment: Option<(Arc<Snapshot>, EnvironmentTables)>,
     pub(crate) film: Option<FilmCache>,
@@ -36,12 +36,6 @@ pub(crate) struct TransferFunctionTables {
     pub points: wgpu::TextureView,
     pub cells: wgpu::TextureView,
     pub materials: wgpu::Buffer,
-}
-
-/// What the path tracer knows of macrocells.
-pub(crate) struct Cells {
-    pub bounds: wgpu::TextureView,
-    pub bins: wgpu::TextureView,
 }
 
 /// Lights as the ray caster takes them, and as the path tracer does.
@@ -111,7 +105,7 @@ impl View {
             volume: self.volume.as_ref().map(|(snapshot, _)| &snapshot.scene),
             transfer_function: self.transfer_function.as_ref().map(|(snapshot, _)| &snapshot.scene),
             distance_map: self.distance_map.as_ref().map(|(snapshot, _)| &snapshot.scene),
-            majorants: self.cells.as_ref().map(|(snapshot, _)| &snapshot.scene),
+            majorants: self.majorants.as_ref().map(|(snapshot, _)| &snapshot.scene),
             lights: self.lights.as_ref().map(|(snapshot, _)| &snapshot.scene),
             environment: self.environment.as_ref().map(|(snapshot, _)| &snapshot.scene),
             film: self.film.as_ref().map(|film| FilmState {

@@ -79,7 +79,7 @@ fn bins_nearby(dims: [usize; 3], masks: &[u64], distance: &[u8], with_matter: u6
                 *bins = union_at(&blocks, dims, ranges) & !with_matter;
             }
         });
-        blocks = doubled(&blocks, dims, edge);
+        blocks = doubled(blocks, dims, edge);
         edge *= 2;
     }
     nearby
@@ -94,14 +94,21 @@ fn ranges(at: [usize; 3], dims: [usize; 3], radius: usize, edge: usize) -> [[usi
     })
 }
 
-/// Blocks of twice the edge.
-fn doubled(blocks: &[u64], dims: [usize; 3], edge: usize) -> Vec<u64> {
-    let both = |index: usize| {
-        let at = place(index, dims);
-        let next = |axis: usize| if at[axis] + edge < dims[axis] { at[axis] + edge } else { at[axis] };
-        union_at(blocks, dims, std::array::from_fn(|axis| [at[axis], next(axis)]))
+/// Blocks of twice the edge: each with those that begin `edge` cells further along each axis.
+fn doubled(mut blocks: Vec<u64>, [nx, ny, _]: [usize; 3], edge: usize) -> Vec<u64> {
+    let rows_apart = |blocks: &mut [u64], length: usize| {
+        // Later ones are still as they were when earlier ones take them in.
+        for first in 0..blocks.len().saturating_sub(edge * length) / length {
+            let (these, further) = blocks[first * length..].split_at_mut(edge * length);
+            these[..length].iter_mut().zip(further).for_each(|(bins, more)| *bins |= *more);
+        }
     };
-    (0..blocks.len()).into_par_iter().map(both).collect()
+    for slice in blocks.chunks_exact_mut(nx * ny) {
+        slice.chunks_exact_mut(nx).for_each(|row| rows_apart(row, 1));
+        rows_apart(slice, nx);
+    }
+    rows_apart(&mut blocks, nx * ny);
+    blocks
 }
 
 fn place(index: usize, [nx, ny, _]: [usize; 3]) -> [usize; 3] {

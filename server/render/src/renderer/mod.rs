@@ -303,8 +303,8 @@ impl Renderer {
             view.distance_map = Some((snapshot.clone(), map));
         }
         if plan.runs(Pass::Majorants) {
-            let cells = stages.time("majorants", || self.majorant_cells(view, scene))?;
-            view.cells = Some((snapshot.clone(), cells));
+            let map = stages.time("majorants", || self.majorant_map(view, scene))?;
+            view.majorants = Some((snapshot.clone(), map));
         }
         if plan.runs(Pass::UploadLights) {
             let lights = stages.time("upload_lights", || {

@@ -17,7 +17,7 @@ use crate::gpu::{buffer_entry, texture_entry};
 use crate::path_tracer::{ERROR_BLOCK, PathVariant, TILE_EDGE};
 use crate::tables;
 use crate::uniforms;
-use crate::view::{Cells, EnvironmentTables, FILM_PIXEL_BYTES, View};
+use crate::view::{EnvironmentTables, FILM_PIXEL_BYTES, View};
 
 /// Length a dispatch aims at where no budget is given: far below any driver's watchdog.
 const UNHURRIED_DISPATCH: Duration = Duration::from_millis(100);
@@ -129,23 +129,18 @@ impl PathFilm {
 }
 
 impl Renderer {
-    /// Bounds of the extinction, and the bins they rely on.
-    pub(super) fn majorant_cells(&self, view: &View, scene: &Scene) -> Result<Cells, RenderError> {
+    /// A texel for each macrocell: the bits of its bound of the extinction, and the bins it relies on.
+    pub(super) fn majorant_map(&self, view: &View, scene: &Scene) -> Result<wgpu::TextureView, RenderError> {
         let majorants = if view.global_majorant { Majorants::global(scene) } else { Majorants::of(scene) };
+        let texel = |(bound, bins): (&f32, &u64)| {
+            let [low, high] = halves(*bins);
+            [bound.to_bits(), low, high, 0]
+        };
+        let texels: Vec<[u32; 4]> = majorants.bounds.iter().zip(&majorants.bins).map(texel).collect();
         let [width, height, depth] = scene.volume.macrocells.dims.map(|n| n as u32);
         let size = wgpu::Extent3d { width, height, depth_or_array_layers: depth };
-        let texture = |label, format, bytes: &[u8]| {
-            self.texture(label, size, wgpu::TextureDimension::D3, format, bytes)
-        };
-        let words: Vec<[u32; 2]> = majorants.bins.iter().map(|&bins| halves(bins)).collect();
-        Ok(Cells {
-            bounds: texture(
-                "majorants",
-                wgpu::TextureFormat::R32Float,
-                bytemuck::cast_slice(&majorants.bounds),
-            )?,
-            bins: texture("bins of majorants", wgpu::TextureFormat::Rg32Uint, bytemuck::cast_slice(&words))?,
-        })
+        let (dimension, format) = (wgpu::TextureDimension::D3, wgpu::TextureFormat::Rgba32Uint);
+        self.texture("majorants", size, dimension, format, bytemuck::cast_slice(&texels))
     }
 
     /// The environment image and the table its directions are drawn with; a black texel without one.
@@ -310,17 +305,18 @@ impl Renderer {
         began: Instant,
     ) -> Result<(), RenderError> {
         let pipeline = self.path_tracer.pipeline(PathVariant::of(scene));
-        let View { volume, transfer_function, cells, lights, environment, film, buffers, paths, .. } = view;
+        let View { volume, transfer_function, majorants, lights, environment, film, buffers, paths, .. } =
+            view;
         let (
             Some((_, texture)),
             Some((_, tables)),
-            Some((_, cells)),
+            Some((_, majorants)),
             Some((_, lights)),
             Some((_, environment)),
             Some(film),
             Some(buffers),
             Some(paths),
-        ) = (volume, transfer_function, cells, lights, environment, film, buffers, paths)
+        ) = (volume, transfer_function, majorants, lights, environment, film, buffers, paths)
         else {
             return Err(RenderError::Gpu("a table of the view is missing".into()));
         };
@@ -342,9 +338,8 @@ impl Renderer {
                     binding: 8,
                     resource: wgpu::BindingResource::Sampler(&self.path_tracer.sampler),
                 },
-                texture_entry(9, &cells.bounds),
+                texture_entry(9, majorants),
                 buffer_entry(10, &paths.paths),
-                texture_entry(11, &cells.bins),
                 texture_entry(12, &environment.radiance),
                 texture_entry(13, &environment.draws),
                 buffer_entry(14, &paths.uniform),
