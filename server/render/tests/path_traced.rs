@@ -219,7 +219,7 @@ fn other_scenes_are_noticed() {
     let pairs = [
         ("sign of g", of(phase(0.6)), of(phase(-0.6))),
         ("albedo", of(albedo(0.95)), of(albedo(0.9))),
-        ("density", of(json!({})), of(json!({"density": 1.25}))),
+        ("density", of(json!({})), of(json!({"density": 1.5}))),
         ("orders", of(json!({"scattering": {"orders": 2}})), of(json!({"scattering": {"orders": 3}}))),
         (
             "shadows of clipped matter",
