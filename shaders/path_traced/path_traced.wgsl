@@ -12,11 +12,11 @@ override ENVIRONMENT_IMAGE: bool = true;
 @group(0) @binding(6) var<storage, read_write> counters: array<atomic<u32>>;
 // Paths under way, of the rows at work.
 @group(0) @binding(10) var<storage, read_write> paths: array<Path>;
-@group(0) @binding(14) var<uniform> path_tracer: PathTracer;
+@group(0) @binding(13) var<uniform> path_tracer: PathTracer;
 // Sums of squared deviations from the mean (Welford 1962), and the number of paths.
-@group(0) @binding(15) var<storage, read_write> spreads: array<vec4f>;
+@group(0) @binding(14) var<storage, read_write> spreads: array<vec4f>;
 // For each tile of 8 x 8 pixels two words: the bins its paths relied on.
-@group(0) @binding(16) var<storage, read_write> tiles: array<atomic<u32>>;
+@group(0) @binding(15) var<storage, read_write> tiles: array<atomic<u32>>;
 
 struct PathTracer {
     // The environment map's axes in the world.
@@ -28,7 +28,7 @@ struct PathTracer {
     map_z: vec3f,
     // Of one invocation: rays, and cells and tentative collisions.
     rays: u32,
-    // Factor of the image behind the volume.
+    // Factor of the image behind the volume; 0 without one.
     backdrop: vec3f,
     steps: u32,
     source_count: u32,
@@ -42,9 +42,8 @@ struct PathTracer {
     clip_shadows: u32,
     // 1: a ray after the last scattering event can find light.
     last_ray_matters: u32,
-    // 1: an image lies behind the volume.
-    image_behind: u32,
     pad0: u32,
+    pad1: u32,
 }
 
 // A path under way.
@@ -301,10 +300,10 @@ fn max_of(v: vec3f) -> f32 {
 }
 
 fn seen_behind(direction: vec3f) -> vec3f {
-    if ENVIRONMENT_IMAGE {
-        if steering(path_tracer.image_behind) == 1u { return path_tracer.backdrop * image_radiance(direction); }
-    }
-    return frame.background;
+    // One of the two is black.
+    var radiance = frame.background;
+    if ENVIRONMENT_IMAGE { radiance += path_tracer.backdrop * image_radiance(direction); }
+    return radiance;
 }
 
 // Whether matter at a place is not clipped away.

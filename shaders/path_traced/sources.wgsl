@@ -3,10 +3,10 @@
 
 @group(0) @binding(4) var<uniform> sources: array<Source, MAX_LIGHTS>;
 // Radiance, linear RGB, without the light's factor; rows from the top.
-@group(0) @binding(12) var environment: texture_2d<f32>;
+@group(0) @binding(11) var environment: texture_2d<f32>;
 // For each texel: the share of draws that stay with it, the texel that takes the others, and the
 // density per steradian with which its directions are drawn (alias method; Walker 1977).
-@group(0) @binding(13) var environment_draws: texture_2d<f32>;
+@group(0) @binding(12) var environment_draws: texture_2d<f32>;
 
 const MAX_LIGHTS = 64;
 
@@ -192,7 +192,9 @@ fn image_radiance(towards: vec3f) -> vec3f {
     let place = image_place(towards) * vec2f(size) - 0.5;
     let low = floor(place);
     let part = place - low;
-    let columns = (vec2i(i32(low.x)) + vec2i(0, 1) + size.x) % size.x;
+    // Lanes that do not take part may hold anything: they must not read beside the image, either.
+    let column = clamp(i32(low.x), -1, size.x - 1);
+    let columns = vec2i(select(column, size.x - 1, column < 0), select(column + 1, 0, column + 1 == size.x));
     let rows = clamp(vec2i(i32(low.y)) + vec2i(0, 1), vec2i(0), vec2i(size.y - 1));
     let above = mix(image_texel(columns.x, rows.x), image_texel(columns.y, rows.x), part.x);
     let below = mix(image_texel(columns.x, rows.y), image_texel(columns.y, rows.y), part.x);
@@ -205,7 +207,7 @@ fn image_texel(column: i32, row: i32) -> vec3f {
 
 fn image_density(towards: vec3f) -> f32 {
     let size = vec2i(textureDimensions(environment));
-    let texel = min(vec2i(image_place(towards) * vec2f(size)), size - 1);
+    let texel = clamp(vec2i(image_place(towards) * vec2f(size)), vec2i(0), size - 1);
     return textureLoad(environment_draws, texel, 0).z;
 }
 

@@ -139,10 +139,10 @@ fn layout_entries() -> [wgpu::BindGroupLayoutEntry; 16] {
         entry(8, wgpu::BindingType::Sampler(wgpu::SamplerBindingType::NonFiltering)),
         entry(9, texture(D3, wgpu::TextureSampleType::Uint)),
         entry(10, write()),
+        entry(11, texture(D2, floats)),
         entry(12, texture(D2, floats)),
-        entry(13, texture(D2, floats)),
-        entry(14, uniform()),
+        entry(13, uniform()),
+        entry(14, write()),
         entry(15, write()),
-        entry(16, write()),
     ]
 }

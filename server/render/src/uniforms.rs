@@ -116,8 +116,8 @@ pub struct PathTracer {
     pub fresh: u32,
     pub clip_shadows: u32,
     pub last_ray_matters: u32,
-    pub image_behind: u32,
     pub pad0: u32,
+    pub pad1: u32,
 }
 
 /// `Path` of shaders/path_traced/path_traced.wgsl.
@@ -255,8 +255,8 @@ pub fn layouts() -> Vec<Layout> {
                 fresh,
                 clip_shadows,
                 last_ray_matters,
-                image_behind,
                 pad0,
+                pad1,
             }
         ),
         layout!(

@@ -340,11 +340,11 @@ impl Renderer {
                 },
                 texture_entry(9, majorants),
                 buffer_entry(10, &paths.paths),
-                texture_entry(12, &environment.radiance),
-                texture_entry(13, &environment.draws),
-                buffer_entry(14, &paths.uniform),
-                buffer_entry(15, &paths.spreads),
-                buffer_entry(16, &paths.tiles),
+                texture_entry(11, &environment.radiance),
+                texture_entry(12, &environment.draws),
+                buffer_entry(13, &paths.uniform),
+                buffer_entry(14, &paths.spreads),
+                buffer_entry(15, &paths.tiles),
             ],
         });
         let mut frame = frame_uniform(scene, texture, film);
@@ -500,7 +500,6 @@ fn path_uniform(scene: &Scene) -> uniforms::PathTracer {
         map_y: tables::vector(map.y_axis),
         map_z: tables::vector(map.z_axis),
         backdrop: backdrop.map_or([0.0; 3], tables::vector),
-        image_behind: u32::from(backdrop.is_some()),
         source_count: scene.lights.len() as u32,
         orders: match scene.orders {
             Orders::All => u32::MAX,
