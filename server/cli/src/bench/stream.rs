@@ -16,7 +16,7 @@ use serde_json::json;
 use service::{App, Config};
 use tokio_tungstenite::tungstenite::Message;
 
-use super::report::{Table, bar_chart};
+use super::report::{Table, bar_chart, columns};
 
 /// How long each case is measured, after a warm-up of a quarter of it.
 const MEASURED: Duration = Duration::from_secs(8);
@@ -76,7 +76,7 @@ async fn measure_all(out: &Path) -> anyhow::Result<()> {
     let mut table = Table {
         name: "stream",
         about: json!({"device": gpu.info(), "seconds": MEASURED.as_secs_f64(), "inputs_per_second": 60}),
-        columns: vec![
+        columns: columns(&[
             "case",
             "frames_per_second",
             "latency_p50_ms",
@@ -86,7 +86,7 @@ async fn measure_all(out: &Path) -> anyhow::Result<()> {
             "queue_ms",
             "draw_ms",
             "encode_ms",
-        ],
+        ]),
         rows: Vec::new(),
     };
     let state = tokio::task::spawn_blocking(move || App::open(config, gpu)).await??;
