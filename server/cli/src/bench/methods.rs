@@ -1,6 +1,8 @@
 //! The ladder: every method with the settings it is measured at. A method that is listed here joins
 //! `accuracy`, `stability` and `skip`.
 
+use std::collections::BTreeMap;
+
 use proto::scene_file::Method;
 use proto::{FieldError, SceneFile};
 use reference::Transport;
@@ -18,8 +20,10 @@ pub struct Entry {
     pub usual: usize,
     /// Whether its pictures are random estimates: their noise is no fault.
     pub noisy: bool,
-    /// Whether shadows, scattering on scattering and environment images are beyond it.
-    pub local: bool,
+    /// The counter that says how much it worked.
+    pub work: &'static str,
+    /// The share of energy that its counters say it cut or clamped; `None`: it does neither.
+    pub truncated: fn(&BTreeMap<String, u64>) -> Option<f64>,
 }
 
 /// The part of light transport that a method claims.
@@ -70,11 +74,11 @@ pub const LADDER: &[Entry] = &[Entry {
         rays("step 1/2, 16 samples", 0.5, 16, false),
         rays("step 1/4, 32 samples", 0.25, 32, true),
         rays("step 1/8, 64 samples", 0.125, 64, false),
-        rays("step 1/16, 128 samples", 0.0625, 128, false),
     ],
     usual: 4,
     noisy: false,
-    local: true,
+    work: "samples_taken",
+    truncated: |_| None,
 }];
 
 impl Entry {

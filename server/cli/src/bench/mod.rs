@@ -9,7 +9,9 @@ mod methods;
 mod references;
 mod report;
 mod scenes;
+mod served;
 mod skip;
+mod stability;
 mod steps;
 mod stream;
 
@@ -25,7 +27,9 @@ use crate::Refused;
 enum Suite {
     /// Run time against error, for every method and setting.
     Accuracy,
-    /// Samples and time with and without empty-space skipping.
+    /// Numbers that hurt: no NaN, no panic, bounded time, a known error.
+    Stability,
+    /// Work and time with and without what is not needed, and that the picture is the same.
     Skip,
     /// Error against the step length, for smooth and sharp transfer functions.
     Steps,
@@ -70,8 +74,6 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         Some(suite) => vec![suite],
         None => Suite::value_variants().to_vec(),
     };
-    // Names are checked before anything is measured. Built-in volumes and standard scenes have names
-    // of their own, so a suite that was not asked for by name takes what it knows.
     for suite in suites {
         run_suite(suite, arguments)?;
     }
@@ -91,7 +93,8 @@ fn run_suite(suite: Suite, arguments: &Arguments) -> anyhow::Result<()> {
             let plan = accuracy::Plan { scenes: &arguments.scenes, size, out, references: &references };
             accuracy::run(&plan)
         }
-        Suite::Skip => skip::run(&chosen_scenes(&arguments.scenes)?, out),
+        Suite::Stability => stability::run(arguments.quick, out),
+        Suite::Skip => skip::run(&chosen_scenes(&arguments.scenes)?, arguments.quick, out),
         Suite::Steps => steps::run(&chosen_scenes(&arguments.scenes)?, out),
         Suite::Stream => stream::run(out),
     }

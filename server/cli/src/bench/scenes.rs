@@ -34,7 +34,7 @@ impl Size {
     pub fn image_edge(self) -> u32 {
         match self {
             Size::Quick => 28,
-            Size::Small => 72,
+            Size::Small => 64,
             Size::Large => 384,
         }
     }
@@ -210,7 +210,7 @@ pub const STANDARD: [Standard; 12] = [
                 {"id": "key", "type": "directional", "direction": [0.5, -0.5, -0.7], "irradiance": [3.2, 3.0, 2.7]},
                 {"id": "room", "type": "environment", "radiance": [0.2, 0.2, 0.22]}],
             "camera": {"position": [0.35, 0.35, 1.75], "target": [0, 0.02, 0], "up": [0, 1, 0], "fov_y_degrees": 33},
-            "clip": {"box": [[0, 0, 0], [1, 1, 0.52]]},
+            "clip": {"box": [[0, 0, 0], [1, 1, 0.52]], "shadows": false},
             "background": [0.012, 0.014, 0.02]})
         },
     },

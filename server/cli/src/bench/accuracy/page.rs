@@ -13,12 +13,12 @@ use crate::bench::flip::flip;
 use crate::bench::references::Truth;
 
 /// Luminance difference shown in full colour, over the root mean square luminance of the reference.
-const FULL_COLOUR: f64 = 0.5;
+const FULL_COLOUR: f64 = 1.0;
 
 const STYLE: &str = "body{font:15px/1.45 sans-serif;max-width:1120px;margin:2em auto;padding:0 1em;color:#222}
 h2{margin-top:2.2em;border-top:1px solid #ccc;padding-top:.6em}
-figure{display:inline-block;margin:0 10px 10px 0;vertical-align:top;width:216px}
-figure img{width:216px;height:216px;image-rendering:pixelated;background:#000}
+figure{display:inline-block;margin:0 10px 10px 0;vertical-align:top;width:200px}
+figure img{width:200px;height:200px;image-rendering:pixelated;background:#000}
 figcaption{font-size:12.5px;color:#444}
 table{border-collapse:collapse;font-size:13px;margin:.6em 0}td,th{border:1px solid #ddd;padding:2px 7px;text-align:right}
 td:nth-child(-n+2),th:nth-child(-n+2){text-align:left}tr.front td:nth-child(2){color:#b8391b;font-weight:600}
@@ -143,8 +143,9 @@ fn table(html: &mut String, methods: &[MethodOnScene]) -> anyhow::Result<()> {
 
 fn row(html: &mut String, method: &str, point: &Point) -> anyhow::Result<()> {
     let front = if point.pareto { " class=\"front\"" } else { "" };
-    // The counter that is largest says most.
-    let work = point.drawing.counters.iter().filter(|(name, _)| !name.ends_with("_on_lattice"));
+    // The counter that is largest says most; what was saved, or could have been done, is no work.
+    let done = |name: &str| !["skipped", "reused", "on_lattice"].iter().any(|saved| name.contains(saved));
+    let work = point.drawing.counters.iter().filter(|(name, _)| done(name));
     let work = work
         .max_by_key(|(_, count)| **count)
         .map(|(name, count)| format!("{:.3} M {}", *count as f64 / 1e6, name.replace('_', " ")));

@@ -68,17 +68,20 @@ fn panel(
         area.draw(&Text::new("no method built draws this scene", (60, 60), style))?;
         return Ok(());
     }
-    let range = |values: &dyn Fn(&(f64, f64)) -> f64| {
-        let all = places.iter().map(values);
-        let (low, high) = all.fold((f64::MAX, 0.0f64), |(low, high), x| (low.min(x), high.max(x)));
+    let range = |values: &mut dyn Iterator<Item = f64>| {
+        let (low, high) = values.fold((f64::MAX, 0.0f64), |(low, high), x| (low.min(x), high.max(x)));
+        // A decade at least, or the axis has no number on it.
+        let low = low.min(0.1 * high);
         (low * 0.6)..(high * 1.8)
     };
+    let across = range(&mut places.iter().map(|place| place.0));
+    let up = range(&mut places.iter().map(|place| place.1).chain(noise.filter(|noise| *noise > 0.0)));
     let mut chart = ChartBuilder::on(area)
         .caption(title, ("sans-serif", 16))
         .margin(10)
         .x_label_area_size(38)
         .y_label_area_size(66)
-        .build_cartesian_2d(range(&|place| place.0).log_scale(), range(&|place| place.1).log_scale())?;
+        .build_cartesian_2d(across.clone().log_scale(), up.log_scale())?;
     chart
         .configure_mesh()
         .x_desc("wall clock, ms")
@@ -89,8 +92,7 @@ fn panel(
         .bold_line_style(BLACK.mix(0.12))
         .draw()?;
     if let Some(noise) = noise.filter(|noise| *noise > 0.0) {
-        let ends = places.iter().fold((f64::MAX, 0.0f64), |(a, b), place| (a.min(place.0), b.max(place.0)));
-        let line = vec![(ends.0 * 0.6, noise), (ends.1 * 1.8, noise)];
+        let line = vec![(across.start, noise), (across.end, noise)];
         chart
             .draw_series(DashedLineSeries::new(line, 4, 4, NOISE.into()))?
             .label("noise of the reference")
@@ -132,5 +134,6 @@ fn panel(
 
 /// A number on an axis.
 fn short(value: f64) -> String {
-    if value >= 1.0 { format!("{value:.0}") } else { format!("{value}") }
+    let digits = if value >= 1.0 { 0 } else { (-value.log10()).ceil() as usize };
+    format!("{value:.digits$}")
 }
