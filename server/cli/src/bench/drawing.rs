@@ -10,7 +10,7 @@ use scene::plan::Target;
 use scene::{Scene, Snapshot};
 
 /// Pictures drawn to take a time from; the quickest counts.
-const TIMED_RUNS: usize = 3;
+const TIMED_RUNS: usize = 7;
 /// No further picture is drawn for its time once this long was spent.
 const TIMED_FOR: Duration = Duration::from_secs(4);
 /// Pixels along each axis of the picture that compiles and uploads.

@@ -40,7 +40,7 @@ impl Quality {
             (Size::Quick, Transport::Full) => Self { samples: 512, time: None, relative_error: None },
             (Size::Quick, Transport::Local) => Self { samples: 128, time: None, relative_error: None },
             (Size::Small, Transport::Full) => {
-                Self { samples: 1 << 14, time: seconds(12), relative_error: Some(0.01) }
+                Self { samples: 1 << 14, time: seconds(20), relative_error: Some(0.01) }
             }
             (Size::Small, Transport::Local) => {
                 Self { samples: 512, time: seconds(20), relative_error: Some(0.002) }

@@ -34,7 +34,7 @@ impl Size {
     pub fn image_edge(self) -> u32 {
         match self {
             Size::Quick => 28,
-            Size::Small => 64,
+            Size::Small => 48,
             Size::Large => 384,
         }
     }

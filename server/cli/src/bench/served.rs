@@ -8,7 +8,7 @@ use anyhow::{Context, anyhow};
 use axum::body::Body;
 use axum::http::{Request, header};
 use futures_util::{SinkExt, StreamExt};
-use proto::control::{PROTOCOL_VERSION, ServerMessage};
+use proto::control::PROTOCOL_VERSION;
 use proto::frame::{FRAME_HEADER_BYTES, FrameHeader};
 use proto::rest::DeviceInfo;
 use proto::{ClientMessage, SceneFile};
@@ -118,7 +118,8 @@ pub struct Frame {
 /// What a viewer is sent.
 pub enum Event {
     Frame(Frame),
-    Message(Box<ServerMessage>),
+    /// A message as text: none is looked at here.
+    Message,
 }
 
 impl Viewer {
@@ -142,7 +143,7 @@ impl Viewer {
                     let payload = bytes[FRAME_HEADER_BYTES..].to_vec();
                     return Ok(Event::Frame(Frame { header, bytes: bytes.len(), payload }));
                 }
-                Message::Text(text) => return Ok(Event::Message(Box::new(serde_json::from_str(&text)?))),
+                Message::Text(_) => return Ok(Event::Message),
                 _ => {}
             }
         }

@@ -85,8 +85,7 @@ fn worse(run: &Run, accepted: &Run, noisy: &[String]) -> Vec<String> {
         for (judge, found, expected) in
             [("same", found.same, expected.same), ("full", found.full, expected.full)]
         {
-            // Not `>`: an error that is no number is worse.
-            if !(found <= expected * (1.0 + share) + ERROR_ROOM) {
+            if found.is_nan() || found > expected * (1.0 + share) + ERROR_ROOM {
                 lines.push(format!("{name}: error to {judge} transport {found:.5}, accepted {expected:.5}"));
             }
         }

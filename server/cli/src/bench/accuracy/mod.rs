@@ -13,7 +13,7 @@ use proto::FieldError;
 use serde_json::{Value, json};
 
 use super::drawing::{Canvas, Drawing};
-use super::methods::{Entry, FULL, LADDER, Setting};
+use super::methods::{Entry, FULL, Judge, LADDER, Setting};
 use super::references::{Quality, References, Truth};
 use super::report::{Table, columns, rounded};
 use super::scenes::{Loaded, STANDARD, Size, Standard};
@@ -40,6 +40,13 @@ struct Measured {
     loaded: Loaded,
     full: Truth,
     methods: Vec<MethodOnScene>,
+}
+
+impl Measured {
+    /// Whether any method draws it.
+    fn has_points(&self) -> bool {
+        self.methods.iter().any(|method| method.points.is_ok())
+    }
 }
 
 /// A method on a scene.
@@ -73,7 +80,9 @@ pub fn run(plan: &Plan<'_>) -> anyhow::Result<()> {
     let about = about(&canvas, plan.size);
     table(&measured, &about).write(plan.out)?;
     for scene in &measured {
-        plot::write(scene, plan.out)?;
+        if scene.has_points() {
+            plot::write(scene, plan.out)?;
+        }
     }
     page::write(&measured, &about, plan.out)?;
     if plan.size == Size::Quick { gate::check(&measured, plan.out) } else { Ok(()) }
@@ -98,7 +107,7 @@ fn about(canvas: &Canvas, size: Size) -> Value {
         "size": size.name(),
         "volume": [volume, volume, volume],
         "image": [image, image],
-        "clock": "wall clock, from an empty view to the finished film, volume on the device; the quickest of up to three",
+        "clock": "wall clock, from an empty view to the finished film, volume on the device; the quickest of up to seven",
         "errors": "relative L2 of linear radiance, the reference's own noise taken out, with its standard error; bias of the mean; 95th percentile and FLIP with what a picture without error would get (floor)",
         "flip_pixels_per_degree": rounded(super::flip::PIXELS_PER_DEGREE),
     })
@@ -112,7 +121,16 @@ fn measure(
 ) -> anyhow::Result<Measured> {
     let loaded = standard.load(size)?;
     let image = [size.image_edge(); 2];
-    let reference = |judge| references.get(&loaded, judge, image, &Quality::of(size, judge.transport));
+    let reference = |judge: &Judge| -> anyhow::Result<Truth> {
+        let truth = references.get(&loaded, judge, image, &Quality::of(size, judge.transport))?;
+        let (made, source) = (&truth.made, if truth.cached { "kept from before" } else { "computed" });
+        let error = 100.0 * made.relative_error;
+        eprintln!(
+            "  reference, transport {}: {} samples, {error:.2} % noise, {source}",
+            judge.name, made.samples
+        );
+        Ok(truth)
+    };
     let full = reference(&FULL)?;
     let mut methods = Vec::new();
     for entry in LADDER {

@@ -100,6 +100,9 @@ fn section(html: &mut String, scene: &Measured) -> anyhow::Result<()> {
             figure(html, &against(same)?, &caption(&format!("minus transport “{judge}”"), &best.same))?;
         }
     }
+    if !scene.has_points() {
+        return Ok(());
+    }
     writeln!(html, "<br>{}", plot::svg(scene)?)?;
     table(html, &scene.methods)
 }

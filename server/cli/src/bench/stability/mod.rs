@@ -54,12 +54,13 @@ pub fn run(quick: bool, out: &Path) -> anyhow::Result<()> {
         .flatten()
         .filter(|case| !quick || case.quick)
         .collect();
+    let reference_time = if quick { judge::REFERENCE_TIME_QUICK } else { judge::REFERENCE_TIME };
     let mut faults = Vec::new();
     for entry in LADDER {
         let before = table.rows.len();
         let mut lost = false;
         for case in &cases {
-            let outcome = judge::judge(&mut canvas, entry, case);
+            let outcome = judge::judge(&mut canvas, entry, case, reference_time);
             lost = outcome.device_lost;
             table.rows.push(row(entry, case.group, &case.name, &outcome));
             if lost {
@@ -74,7 +75,7 @@ pub fn run(quick: bool, out: &Path) -> anyhow::Result<()> {
         let wrong = |row: &&Vec<Value>| row[3] != "right" && row[3] != "left out";
         let text = |value: &Value| value.as_str().unwrap_or_default().to_owned();
         let faulty = table.rows[before..].iter().filter(wrong);
-        faults.extend(faulty.map(|row| format!("{}", [0, 1, 2, 3].map(|i| text(&row[i])).join(": "))));
+        faults.extend(faulty.map(|row| [0, 1, 2, 3].map(|i| text(&row[i])).join(": ")));
         if lost {
             faults.push(format!("{}: the device was lost, the rest was not drawn", entry.method.name()));
             break;
