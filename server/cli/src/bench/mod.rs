@@ -74,10 +74,15 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         Some(suite) => vec![suite],
         None => Suite::value_variants().to_vec(),
     };
-    for suite in suites {
-        run_suite(suite, arguments)?;
+    // Names are checked before anything is measured.
+    for suite in &suites {
+        match suite {
+            Suite::Accuracy => drop(accuracy::chosen(&arguments.scenes, arguments.quick)?),
+            Suite::Skip | Suite::Steps => drop(chosen_scenes(&arguments.scenes)?),
+            Suite::Stability | Suite::Stream => {}
+        }
     }
-    Ok(())
+    suites.into_iter().try_for_each(|suite| run_suite(suite, arguments))
 }
 
 fn run_suite(suite: Suite, arguments: &Arguments) -> anyhow::Result<()> {

@@ -69,7 +69,7 @@ struct Point {
 }
 
 pub fn run(plan: &Plan<'_>) -> anyhow::Result<()> {
-    let scenes = chosen(plan)?;
+    let scenes = chosen(plan.scenes, plan.size == Size::Quick)?;
     let references = References::open(plan.references)?;
     let mut canvas = Canvas::open()?;
     let mut measured = Vec::new();
@@ -88,16 +88,20 @@ pub fn run(plan: &Plan<'_>) -> anyhow::Result<()> {
     if plan.size == Size::Quick { gate::check(&measured, plan.out) } else { Ok(()) }
 }
 
-fn chosen(plan: &Plan<'_>) -> Result<Vec<&'static Standard>, crate::Refused> {
+/// The standard scenes of these names; of no names: all, or those of the short form.
+///
+/// # Errors
+/// A name that no scene has.
+pub fn chosen(names: &[String], quick: bool) -> Result<Vec<&'static Standard>, crate::Refused> {
     let known = || STANDARD.iter().map(|standard| standard.name).collect::<Vec<_>>().join(", ");
-    if plan.scenes.is_empty() {
-        return Ok(STANDARD.iter().filter(|s| plan.size != Size::Quick || s.quick).collect());
+    if names.is_empty() {
+        return Ok(STANDARD.iter().filter(|standard| !quick || standard.quick).collect());
     }
     let find = |name: &String| {
         let found = STANDARD.iter().find(|standard| standard.name == name);
         found.ok_or_else(|| crate::Refused(format!("--scenes: unknown scene `{name}`; known: {}", known())))
     };
-    plan.scenes.iter().map(find).collect()
+    names.iter().map(find).collect()
 }
 
 fn about(canvas: &Canvas, size: Size) -> Value {

@@ -52,7 +52,7 @@ fn introduction(html: &mut String, about: &Value) -> anyhow::Result<()> {
 The first says how far it is from the truth, the second how well it does what it does. \
 Errors are relative L2 of linear radiance with the reference's noise taken out, &plusmn; its standard error; bias of the mean (negative: too dark); \
 95th percentile over pixels, and FLIP of the displayed pictures (0 equal, 1 largest), each with its <i>floor</i>: what a picture without error would get because the reference has noise. \
-In the plots rings mark the Pareto front: nothing measured is both quicker and nearer to full transport; open dots are errors that are not told from 0.</p>
+In the plots against full transport rings mark the Pareto front: nothing measured is both quicker and nearer to full transport; open dots are errors that are not told from 0.</p>
 <p>Difference pictures: blue is too dark, red too bright, full colour at {:.0} % of the reference's root mean square luminance. FLIP: black none, white 1.</p>",
         text(&device["name"]),
         text(&device["driver"]),
@@ -151,7 +151,7 @@ fn row(html: &mut String, method: &str, point: &Point) -> anyhow::Result<()> {
     let work = point.drawing.counters.iter().filter(|(name, _)| done(name));
     let work = work
         .max_by_key(|(_, count)| **count)
-        .map(|(name, count)| format!("{:.3} M {}", *count as f64 / 1e6, name.replace('_', " ")));
+        .map(|(name, count)| format!("{:.2} M {}", *count as f64 / 1e6, name.replace('_', " ")));
     writeln!(
         html,
         "<tr{front}><td>{method}<td>{}<td>{:.1}<td>{}",
@@ -163,7 +163,7 @@ fn row(html: &mut String, method: &str, point: &Point) -> anyhow::Result<()> {
         let linear = &errors.linear;
         writeln!(
             html,
-            "<td>{:.3} ± {:.3}<td>{:+.3} ± {:.3}<td>{:.2}<td>{:.2}<td>{:.4}<td>{:.4}",
+            "<td>{:.2} ± {:.2}<td>{:+.2} ± {:.2}<td>{:.1}<td>{:.1}<td>{:.3}<td>{:.3}",
             100.0 * linear.relative_l2,
             100.0 * linear.uncertainty,
             100.0 * linear.bias,

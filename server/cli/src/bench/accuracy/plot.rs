@@ -115,7 +115,8 @@ fn panel(
             let spread = errors.linear.uncertainty;
             let low = (y - spread).max(y * 0.02);
             chart.draw_series([PathElement::new([(x, low), (x, y + spread)], color.stroke_width(1))])?;
-            if point.pareto {
+            // The front is that of full transport.
+            if point.pareto && noise.is_some() {
                 chart.draw_series([Circle::new((x, y), 7, MARK.stroke_width(1))])?;
             }
         }
