@@ -148,7 +148,12 @@ fn measure(
         let mut points = Vec::new();
         for setting in entry.settings.iter().filter(|setting| size != Size::Quick || setting.quick) {
             let scene = loaded.scene(&entry.applied(&loaded.file, setting)?)?;
-            let drawing = canvas.time(&scene, image, PATIENCE).context(setting.label)?;
+            // Time is no part of the short form.
+            let drawing = match size {
+                Size::Quick => canvas.draw(&scene, image, None, PATIENCE),
+                Size::Small | Size::Large => canvas.time(&scene, image, PATIENCE),
+            };
+            let drawing = drawing.context(setting.label)?;
             let against = |truth| Errors::of(&drawing.radiance, truth, &loaded.file.film, image[0] as usize);
             let against_full = against(&full);
             let against_same = same.as_ref().map_or(against_full, against);
