@@ -37,8 +37,8 @@ impl Quality {
         let seconds = |seconds| Some(Duration::from_secs(seconds));
         match (size, transport) {
             // By samples alone: every run of a test compares with the same picture.
-            (Size::Quick, Transport::Full) => Self { samples: 512, time: None, relative_error: None },
-            (Size::Quick, Transport::Local) => Self { samples: 128, time: None, relative_error: None },
+            (Size::Quick, Transport::Full) => Self { samples: 256, time: None, relative_error: None },
+            (Size::Quick, Transport::Local) => Self { samples: 16, time: None, relative_error: None },
             (Size::Small, Transport::Full) => {
                 Self { samples: 1 << 14, time: seconds(20), relative_error: Some(0.01) }
             }
