@@ -23,4 +23,8 @@ mod sampler_tests;
 mod scatter;
 pub mod statistics;
 
+/// Counts changes of what [`render`] makes of a scene and a request: pictures kept on disk are known by
+/// it. Raise it with every change that alters a picture.
+pub const ESTIMATOR_VERSION: u32 = 1;
+
 pub use image::{Ended, Estimate, Pixel, Progress, Report, Request, Transport, render};

@@ -1,12 +1,23 @@
 //! `tyndall bench`: suites of measurements, each written as CSV, JSON and a plot.
 
+mod accuracy;
+mod bone;
+mod display;
+mod drawing;
+mod flip;
+mod methods;
+mod references;
 mod report;
+mod scenes;
+mod served;
 mod skip;
+mod stability;
 mod steps;
 mod stream;
 
 use std::path::PathBuf;
 
+use clap::ValueEnum as _;
 use proto::scene_file::Builtin;
 
 use crate::Refused;
@@ -14,7 +25,11 @@ use crate::Refused;
 /// Measurements that can be asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Suite {
-    /// Samples and time with and without empty-space skipping.
+    /// Run time against error, for every method and setting.
+    Accuracy,
+    /// Numbers that hurt: no NaN, no panic, bounded time, a known error.
+    Stability,
+    /// Work and time with and without what is not needed, and that the picture is the same.
     Skip,
     /// Error against the step length, for smooth and sharp transfer functions.
     Steps,
@@ -26,28 +41,68 @@ enum Suite {
 pub struct Arguments {
     /// Suite to run; default: all.
     suite: Option<Suite>,
-    /// Built-in scenes to use where a suite has a choice, separated by commas; default: all.
+    /// Scenes to use where a suite has a choice, separated by commas; default: all.
     #[arg(long, value_delimiter = ',')]
     scenes: Vec<String>,
     /// Where reports go.
     #[arg(long, value_name = "DIR", default_value = "bench-out")]
     out: PathBuf,
+    /// How large scenes and pictures of `accuracy` are.
+    #[arg(long, value_enum, default_value_t = SceneSize::Small)]
+    size: SceneSize,
+    /// The short form of `accuracy`, `stability` and `skip`: fails where work or error is more than
+    /// what was accepted.
+    #[arg(long)]
+    quick: bool,
+    /// Where reference pictures are kept from run to run; default: `references` in the reports' folder.
+    #[arg(long, value_name = "DIR")]
+    references: Option<PathBuf>,
+}
+
+/// Sizes that can be asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum SceneSize {
+    /// For a machine without a GPU.
+    Small,
+    /// For a GPU.
+    Large,
 }
 
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let scenes = chosen_scenes(&arguments.scenes)?;
     std::fs::create_dir_all(&arguments.out)?;
-    let wanted = |suite| arguments.suite.is_none_or(|chosen| chosen == suite);
-    if wanted(Suite::Skip) {
-        skip::run(&scenes, &arguments.out)?;
+    let suites = match arguments.suite {
+        Some(suite) => vec![suite],
+        None => Suite::value_variants().to_vec(),
+    };
+    // Names are checked before anything is measured.
+    for suite in &suites {
+        match suite {
+            Suite::Accuracy => drop(accuracy::chosen(&arguments.scenes, arguments.quick)?),
+            Suite::Skip | Suite::Steps => drop(chosen_scenes(&arguments.scenes)?),
+            Suite::Stability | Suite::Stream => {}
+        }
     }
-    if wanted(Suite::Steps) {
-        steps::run(&scenes, &arguments.out)?;
+    suites.into_iter().try_for_each(|suite| run_suite(suite, arguments))
+}
+
+fn run_suite(suite: Suite, arguments: &Arguments) -> anyhow::Result<()> {
+    let out = &arguments.out;
+    match suite {
+        Suite::Accuracy => {
+            let size = match arguments.size {
+                _ if arguments.quick => scenes::Size::Quick,
+                SceneSize::Small => scenes::Size::Small,
+                SceneSize::Large => scenes::Size::Large,
+            };
+            let references = arguments.references.clone().unwrap_or_else(|| out.join("references"));
+            let plan = accuracy::Plan { scenes: &arguments.scenes, size, out, references: &references };
+            accuracy::run(&plan)
+        }
+        Suite::Stability => stability::run(arguments.quick, out),
+        Suite::Skip => skip::run(&chosen_scenes(&arguments.scenes)?, arguments.quick, out),
+        Suite::Steps => steps::run(&chosen_scenes(&arguments.scenes)?, out),
+        Suite::Stream => stream::run(out),
     }
-    if wanted(Suite::Stream) {
-        stream::run(&arguments.out)?;
-    }
-    Ok(())
 }
 
 fn chosen_scenes(names: &[String]) -> Result<Vec<Builtin>, Refused> {

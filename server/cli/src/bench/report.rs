@@ -12,7 +12,7 @@ pub struct Table {
     /// What was measured where, for the head of the JSON.
     pub about: Value,
     /// Column names with units.
-    pub columns: Vec<&'static str>,
+    pub columns: Vec<String>,
     /// Values by row.
     pub rows: Vec<Vec<Value>>,
 }
@@ -20,23 +20,65 @@ pub struct Table {
 impl Table {
     /// Writes `NAME.csv` and `NAME.json`, and prints the table.
     pub fn write(&self, folder: &Path) -> anyhow::Result<()> {
-        let plain = |value: &Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-        let line = |cells: Vec<String>| cells.join(",");
-        let mut csv = line(self.columns.iter().map(|c| (*c).to_owned()).collect()) + "\n";
-        for row in &self.rows {
-            csv += &(line(row.iter().map(plain).collect()) + "\n");
-        }
+        let csv = self.csv();
         print!("{csv}");
         std::fs::write(folder.join(format!("{}.csv", self.name)), csv)?;
         let rows: Vec<Value> = self
             .rows
             .iter()
-            .map(|row| self.columns.iter().zip(row).map(|(c, v)| ((*c).to_owned(), v.clone())).collect())
+            .map(|row| self.columns.iter().zip(row).map(|(c, v)| (c.clone(), v.clone())).collect())
             .collect();
         let json = serde_json::json!({"about": self.about, "rows": rows});
         std::fs::write(folder.join(format!("{}.json", self.name)), serde_json::to_string_pretty(&json)?)?;
         Ok(())
     }
+
+    /// RFC 4180; `null` is an empty cell.
+    fn csv(&self) -> String {
+        let cell = |value: &Value| match value {
+            Value::Null => String::new(),
+            Value::String(text) if text.contains([',', '"', '\n']) => {
+                format!("\"{}\"", text.replace('"', "\"\""))
+            }
+            Value::String(text) => text.clone(),
+            other => other.to_string(),
+        };
+        let line = |cells: Vec<String>| cells.join(",") + "\n";
+        let rows = self.rows.iter().map(|row| line(row.iter().map(cell).collect()));
+        line(self.columns.clone()) + &rows.collect::<String>()
+    }
+
+    /// A table in Markdown of some of the columns.
+    pub fn markdown(&self, columns: &[&str]) -> String {
+        let line = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
+        let mut text = line(columns.iter().map(|c| (*c).to_owned()).collect());
+        text += &line(columns.iter().map(|_| "---".to_owned()).collect());
+        let at: Vec<usize> =
+            columns.iter().filter_map(|name| self.columns.iter().position(|column| column == name)).collect();
+        for row in &self.rows {
+            let cell = |&index: &usize| match &row[index] {
+                Value::Null => String::new(),
+                Value::String(text) => text.replace('|', "\\|"),
+                other => other.to_string(),
+            };
+            text += &line(at.iter().map(cell).collect());
+        }
+        text
+    }
+}
+
+/// Column names.
+pub fn columns(names: &[&str]) -> Vec<String> {
+    names.iter().map(|&name| name.to_owned()).collect()
+}
+
+/// Four digits that count; `null` for what is not finite.
+pub fn rounded(value: f64) -> Value {
+    if !value.is_finite() {
+        return Value::Null;
+    }
+    // Through text: the shortest decimal of four digits is the number meant.
+    format!("{value:.3e}").parse().map_or(Value::Null, |value: f64| serde_json::json!(value))
 }
 
 /// One horizontal bar a label, as SVG.

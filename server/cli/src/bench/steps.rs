@@ -12,7 +12,7 @@ use scene::plan::Target;
 use scene::{PreparedVolume, Scene, Snapshot};
 use serde_json::json;
 
-use super::report::{Line, Table, line_chart};
+use super::report::{Line, Table, columns, line_chart};
 
 /// Voxels along each axis.
 const EDGE: usize = 64;
@@ -36,7 +36,7 @@ pub fn run(scenes: &[Builtin], out: &Path) -> anyhow::Result<()> {
     let mut table = Table {
         name: "steps",
         about,
-        columns: vec![
+        columns: columns(&[
             "scene",
             "samples_per_pixel",
             "step_voxels",
@@ -46,7 +46,7 @@ pub fn run(scenes: &[Builtin], out: &Path) -> anyhow::Result<()> {
             "samples_taken",
             "millis_skipping",
             "millis_plain",
-        ],
+        ]),
         rows: Vec::new(),
     };
     let mut lines = Vec::new();

@@ -5,18 +5,13 @@ use std::collections::VecDeque;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, anyhow};
-use futures_util::{SinkExt, StreamExt};
-use proto::control::PROTOCOL_VERSION;
-use proto::frame::FrameHeader;
+use anyhow::Context;
 use proto::scene_file::{Builtin, Camera, VolumeSource};
 use proto::{ClientMessage, SceneFile};
-use render::{AdapterPolicy, Gpu};
 use serde_json::json;
-use service::{App, Config};
-use tokio_tungstenite::tungstenite::Message;
 
-use super::report::{Table, bar_chart};
+use super::report::{Table, bar_chart, columns};
+use super::served::{Event, Frame, Served};
 
 /// How long each case is measured, after a warm-up of a quarter of it.
 const MEASURED: Duration = Duration::from_secs(8);
@@ -70,13 +65,11 @@ fn cases() -> anyhow::Result<Vec<Case>> {
 }
 
 async fn measure_all(out: &Path) -> anyhow::Result<()> {
-    let data = std::env::temp_dir().join(format!("tyndall-bench-{}", std::process::id()));
-    let config = Config { data: data.clone(), ..Config::default() };
-    let gpu = tokio::task::spawn_blocking(|| Gpu::open(AdapterPolicy::Any)).await??;
+    let served = Served::open().await?;
     let mut table = Table {
         name: "stream",
-        about: json!({"device": gpu.info(), "seconds": MEASURED.as_secs_f64(), "inputs_per_second": 60}),
-        columns: vec![
+        about: json!({"device": served.device, "seconds": MEASURED.as_secs_f64(), "inputs_per_second": 60}),
+        columns: columns(&[
             "case",
             "frames_per_second",
             "latency_p50_ms",
@@ -86,19 +79,12 @@ async fn measure_all(out: &Path) -> anyhow::Result<()> {
             "queue_ms",
             "draw_ms",
             "encode_ms",
-        ],
+        ]),
         rows: Vec::new(),
     };
-    let state = tokio::task::spawn_blocking(move || App::open(config, gpu)).await??;
-    let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await?;
-    let address = listener.local_addr()?;
-    let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
-    let server = tokio::spawn(service::serve_on(listener, state.clone(), async {
-        let _ = stopped.await;
-    }));
     let mut bars = Vec::new();
     for case in cases()? {
-        let measured = measure(&state, address, &case).await.with_context(|| case.name)?;
+        let measured = measure(&served, &case).await.with_context(|| case.name)?;
         let mut latencies = measured.latencies;
         latencies.sort_by(f64::total_cmp);
         let percentile = |share: f64| latencies.get((latencies.len() as f64 * share) as usize).copied();
@@ -117,28 +103,16 @@ async fn measure_all(out: &Path) -> anyhow::Result<()> {
             round(measured.stages[2]),
         ]);
     }
-    let _ = stop.send(());
-    server.await??;
-    let _ = std::fs::remove_dir_all(data);
+    served.close().await?;
     table.write(out)?;
     bar_chart(&out.join("stream.svg"), "frames per second while the camera orbits", &bars)
 }
 
 /// A session over HTTP as any client makes it, then a viewer that orbits.
-async fn measure(
-    state: &std::sync::Arc<App>,
-    address: std::net::SocketAddr,
-    case: &Case,
-) -> anyhow::Result<Measured> {
-    let session = create_session(state, &case.scene).await?;
-    let url = format!("ws://{address}/api/v1/sessions/{session}/view");
-    let (socket, _) = tokio_tungstenite::connect_async(url).await?;
-    let (mut sender, mut receiver) = socket.split();
-    let text = |message: &ClientMessage| serde_json::to_string(message).map(|t| Message::Text(t.into()));
-    sender.send(text(&ClientMessage::Hello { protocol: PROTOCOL_VERSION })?).await?;
+async fn measure(served: &Served, case: &Case) -> anyhow::Result<Measured> {
+    let session = served.session(&case.scene).await?;
     let (width, height) = case.size;
-    sender.send(text(&ClientMessage::Viewport { seq: 1, width, height, pixel_ratio: 1.0 })?).await?;
-
+    let mut viewer = served.viewer(&session, case.size).await?;
     let mut ticks = tokio::time::interval(INPUT_INTERVAL);
     let (mut seq, mut angle) = (1u32, 0.0f64);
     let mut sent: VecDeque<(u32, Instant)> = VecDeque::new();
@@ -158,13 +132,11 @@ async fn measure(
                 seq += 1;
                 angle += TURN;
                 sent.push_back((seq, Instant::now()));
-                sender.send(text(&ClientMessage::Camera { seq, camera: orbit(&case.scene, angle) })?).await?;
+                viewer.send(&ClientMessage::Camera { seq, camera: orbit(&case.scene, angle) }).await?;
             }
-            message = receiver.next() => {
-                let message = message.ok_or_else(|| anyhow!("the service closed the connection"))??;
-                let Message::Binary(bytes) = message else { continue };
-                let header = FrameHeader::decode(&bytes).ok_or_else(|| anyhow!("not a frame"))?;
-                sender.send(text(&ClientMessage::Ack { frame: header.frame, decode_millis: 0.0 })?).await?;
+            event = viewer.event() => {
+                let Event::Frame(Frame { header, bytes, .. }) = event? else { continue };
+                viewer.acknowledge(&header).await?;
                 let counted = began.elapsed() >= warm_up;
                 while sent.front().is_some_and(|(number, _)| *number <= header.seq) {
                     let Some((_, at)) = sent.pop_front() else { break };
@@ -176,7 +148,7 @@ async fn measure(
                     measured.frames += 1;
                     let micros = [header.queue_micros, header.render_micros, header.encode_micros];
                     measured.stages.iter_mut().zip(micros).for_each(|(sum, t)| *sum += f64::from(t) / 1e3);
-                    measured.bytes += bytes.len() as u64;
+                    measured.bytes += bytes as u64;
                     let drawn = f64::from(header.width) * f64::from(header.height);
                     measured.resolution += drawn / (f64::from(width) * f64::from(height));
                 }
@@ -186,26 +158,8 @@ async fn measure(
     measured.seconds = MEASURED.as_secs_f64();
     measured.resolution /= measured.frames.max(1) as f64;
     measured.stages.iter_mut().for_each(|sum| *sum /= measured.frames.max(1) as f64);
-    sender.close().await?;
+    viewer.close().await?;
     Ok(measured)
-}
-
-async fn create_session(state: &std::sync::Arc<App>, scene: &SceneFile) -> anyhow::Result<String> {
-    use axum::body::Body;
-    use axum::http::{Request, header};
-    use tower::ServiceExt as _;
-    let request = Request::post("/api/v1/sessions")
-        .header(header::CONTENT_TYPE, "application/json")
-        .header(header::HOST, "127.0.0.1")
-        .body(Body::from(serde_json::to_vec(&json!({"scene": scene}))?))?;
-    let response = service::app(state.clone()).oneshot(request).await?;
-    let status = response.status();
-    let body = axum::body::to_bytes(response.into_body(), 1 << 20).await?;
-    if !status.is_success() {
-        return Err(anyhow!("{status}: {}", String::from_utf8_lossy(&body)));
-    }
-    let session: proto::rest::Session = serde_json::from_slice(&body)?;
-    Ok(session.id)
 }
 
 /// The scene's camera turned about its target around the world's y axis.

@@ -1,5 +1,5 @@
-//! Suite `skip`: what empty-space skipping saves, that it changes nothing, and what an edit of the
-//! transfer function costs (a distance map) against scanning the voxels again (macrocells).
+//! What empty-space skipping saves, that it changes nothing, and what an edit of the transfer function
+//! costs (a distance map) against scanning the voxels again (macrocells).
 
 use std::path::Path;
 use std::sync::Arc;
@@ -13,7 +13,7 @@ use scene::plan::Target;
 use scene::{PreparedVolume, Scene, Snapshot};
 use serde_json::json;
 
-use super::report::{Table, bar_chart};
+use crate::bench::report::{Table, bar_chart, columns};
 
 /// Voxels along each axis.
 const EDGE: usize = 128;
@@ -27,7 +27,7 @@ pub fn run(scenes: &[Builtin], out: &Path) -> anyhow::Result<()> {
     let mut table = Table {
         name: "skip",
         about,
-        columns: vec![
+        columns: columns(&[
             "scene",
             "samples_on_lattice",
             "samples_taken",
@@ -39,7 +39,7 @@ pub fn run(scenes: &[Builtin], out: &Path) -> anyhow::Result<()> {
             "bit_equal",
             "macrocells_millis",
             "distance_map_millis",
-        ],
+        ]),
         rows: Vec::new(),
     };
     let mut bars = Vec::new();

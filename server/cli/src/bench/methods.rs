@@ -1,0 +1,135 @@
+//! The ladder: every method with the settings it is measured at. A method that is listed here joins
+//! `accuracy`, `stability` and `skip`.
+
+use std::collections::BTreeMap;
+
+use proto::scene_file::Method;
+use proto::{FieldError, SceneFile};
+use reference::Transport;
+use serde_json::{Value, json};
+
+/// A method as the suites see it.
+pub struct Entry {
+    /// Which.
+    pub method: Method,
+    /// What it claims to draw: its same-transport reference.
+    pub judge: Judge,
+    /// From quick and rough to slow and good.
+    pub settings: &'static [Setting],
+    /// The setting of `stability` and `skip`, an index into `settings`.
+    pub usual: usize,
+    /// Whether its pictures are random estimates: their noise is no fault.
+    pub noisy: bool,
+    /// The counter that says how much it worked.
+    pub work: &'static str,
+    /// The share of energy that its counters say it cut or clamped; `None`: it does neither.
+    pub truncated: fn(&BTreeMap<String, u64>) -> Option<f64>,
+}
+
+/// The part of light transport that a method claims.
+#[derive(Clone, Copy)]
+pub struct Judge {
+    /// In words, for tables.
+    pub name: &'static str,
+    /// The reference's.
+    pub transport: Transport,
+    /// Most scattering events; `None`: the scene's own.
+    pub orders: Option<u32>,
+}
+
+/// One step of a ladder.
+pub struct Setting {
+    /// In words.
+    pub label: &'static str,
+    /// Distance between samples on a view ray, voxels.
+    pub step_voxels: f64,
+    /// Samples per pixel.
+    pub samples_per_pixel: u32,
+    /// Further edits: a JSON merge patch of the scene file; empty: none.
+    pub patch: &'static str,
+    /// Whether the quick form takes it.
+    pub quick: bool,
+}
+
+/// Everything a scene asks for.
+pub const FULL: Judge = Judge { name: "full", transport: Transport::Full, orders: None };
+/// Single scattering without shadows.
+const LOCAL: Judge = Judge { name: "local", transport: Transport::Local, orders: None };
+
+/// A step whose quality is that of view rays.
+const fn rays(label: &'static str, step_voxels: f64, samples_per_pixel: u32, quick: bool) -> Setting {
+    Setting { label, step_voxels, samples_per_pixel, patch: "", quick }
+}
+
+/// Every method built.
+pub const LADDER: &[Entry] = &[Entry {
+    method: Method::Local,
+    judge: LOCAL,
+    settings: &[
+        rays("step 4, 1 sample", 4.0, 1, false),
+        rays("step 2, 1 sample", 2.0, 1, true),
+        rays("step 1, 1 sample", 1.0, 1, false),
+        rays("step 1, 4 samples", 1.0, 4, false),
+        rays("step 1, 8 samples", 1.0, 8, true),
+        rays("step 1/2, 16 samples", 0.5, 16, false),
+        rays("step 1/4, 32 samples", 0.25, 32, true),
+        rays("step 1/8, 64 samples", 0.125, 64, false),
+    ],
+    usual: 4,
+    noisy: false,
+    work: "samples_taken",
+    truncated: |_| None,
+}];
+
+impl Entry {
+    /// The scene as the method draws it at a setting.
+    ///
+    /// # Errors
+    /// A patch that does not fit the scene format: a fault of the ladder.
+    pub fn applied(&self, scene: &SceneFile, setting: &Setting) -> Result<SceneFile, FieldError> {
+        let mut json = as_json(scene)?;
+        json["illumination"] = json!({"method": self.method.name()});
+        json["sampling"]["step_voxels"] = json!(setting.step_voxels);
+        json["sampling"]["samples_per_pixel"] = json!(setting.samples_per_pixel);
+        if !setting.patch.is_empty() {
+            let patch: Value = serde_json::from_str(setting.patch)
+                .map_err(|error| FieldError::new(setting.label, error.to_string()))?;
+            json_patch::merge(&mut json, &patch);
+        }
+        SceneFile::from_value(json)
+    }
+
+    /// The scene as the method draws it in `stability` and `skip`.
+    ///
+    /// # Errors
+    /// As [`Entry::applied`].
+    pub fn usually(&self, scene: &SceneFile) -> Result<SceneFile, FieldError> {
+        self.applied(scene, &self.settings[self.usual])
+    }
+}
+
+fn as_json(scene: &SceneFile) -> Result<Value, FieldError> {
+    serde_json::to_value(scene).map_err(|error| FieldError::new("", error.to_string()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proto::scene_file::Builtin;
+
+    #[test]
+    fn every_method_built_has_a_ladder_that_fits_the_format() {
+        let listed: Vec<Method> = LADDER.iter().map(|entry| entry.method).collect();
+        assert_eq!(listed, render::METHODS_BUILT);
+        let scene = scene::builtin::scene(Builtin::Pillars).unwrap();
+        for entry in LADDER {
+            assert!(entry.usual < entry.settings.len());
+            assert!(entry.settings.iter().any(|setting| setting.quick), "{:?}", entry.method);
+            for setting in entry.settings {
+                let applied = entry.applied(&scene, setting).unwrap();
+                assert_eq!(applied.illumination.method, entry.method);
+                assert_eq!(applied.sampling.step_voxels, setting.step_voxels);
+            }
+        }
+    }
+}
