@@ -88,7 +88,7 @@ fn layers_within_one_step_hide_each_other_in_the_right_order() {
 }
 
 #[test]
-fn the_error_is_of_second_order_in_the_step() {
+fn the_error_is_of_second_order_in_the_step_and_small_at_any() {
     let volume = prepared(scene::builtin::build(proto::scene_file::Builtin::Buckyball, [64; 3], &|_| {}));
     let image = |step_voxels: f64| {
         let patch = json!({
@@ -107,7 +107,8 @@ fn the_error_is_of_second_order_in_the_step() {
     };
     let errors = [0.25, 0.5, 1.0, 2.0].map(|step| error(&image(step)));
     eprintln!("relative error at steps of 0.25, 0.5, 1 and 2 voxels: {errors:?}");
-    // Halving divides the error by four; a first-order method would divide it by two.
-    assert!(errors[1] > 3.0 * errors[0] && errors[2] > 3.0 * errors[1], "{errors:?}");
-    assert!(errors[1] < 0.015, "{errors:?}");
+    // Halving divides the error by four; a first-order method would divide it by two. Steps longer
+    // than a cell of the field are cut by the cells.
+    assert!(errors[1] > 3.0 * errors[0], "{errors:?}");
+    assert!(errors.iter().all(|error| *error < 1e-3), "{errors:?}");
 }

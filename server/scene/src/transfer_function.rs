@@ -84,7 +84,7 @@ impl TransferFunction {
     }
 
     /// Whether extinction is above 0 anywhere in the closed interval.
-    fn has_matter(&self, low: f64, high: f64) -> bool {
+    pub fn has_matter(&self, low: f64, high: f64) -> bool {
         let inside = self.points.iter().filter(|p| (low..=high).contains(&p.s));
         [self.at(low), self.at(high)].iter().chain(inside).any(|p| p.sigma_t > 0.0)
     }
