@@ -1,17 +1,17 @@
 // Ray caster: L = T * background + integral of T * (sigma_s L_i + sigma_a L_e) dt.
 //
-// The chord of the ray through the volume's box is cut into equal steps; the lattice depends on
-// camera, volume and quality alone, never on the transfer function. The field is read at the ends
-// of each step and taken as linear between them; where it crosses control points of the transfer
-// function the step is split, and within each part extinction is integrated exactly:
-// alpha = 1 - exp(-(sigma_a + sigma_b) / 2 * length). Steps of the transfer function, thin peaks
-// and homogeneous matter are therefore exact for a linear field; the error is of second order in
-// the step.
-// Skipping drops only steps within macrocells whose bins hold no matter: their extinction is
-// exactly zero and the image does not change by a bit.
+// A ray is led from cell to cell of the field (cells.wgsl); which cells it meets depends on camera and
+// volume alone, never on the transfer function. In a cell the field along the ray is a cubic
+// polynomial. It is cut into parts in which it hardly bends, and each is taken as linear; where it
+// crosses control points of the transfer function a part is split, and within each piece extinction
+// is integrated exactly: alpha = 1 - exp(-(sigma_a + sigma_b) / 2 * length). Steps of the transfer
+// function, thin peaks and homogeneous matter are therefore exact for a linear field.
+// Skipping drops only cells within macrocells whose bins hold no matter: their extinction is exactly
+// zero and the image does not change by a bit.
 
 @group(0) @binding(5) var<storage, read_write> film: array<vec4f>;
-// Pairs of low and high words: samples (steps) taken, skipped, on the lattice; parts with matter;
+// Pairs of low and high words: cells (steps, where there is no matter in light) looked at, skipped, on
+// the ray; parts with matter;
 // view-ray segments kept, cast.
 @group(0) @binding(6) var<storage, read_write> counters: array<atomic<u32>>;
 
@@ -31,8 +31,10 @@ const COUNTERS = 6u;
 var<workgroup> group_counts: array<atomic<u32>, COUNTERS>;
 
 @compute @workgroup_size(8, 8)
-fn ray_cast(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_index) lane: u32) {
-    always_zero = id.z;
+fn ray_cast(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
+    always_zero = group.z;
+    // Eight lanes that a processor executes in step are 4 x 2 neighbours, not a row.
+    let id = 8u * group.xy + vec2u((lane & 3u) | ((lane >> 1u) & 4u), ((lane >> 2u) & 1u) | ((lane >> 3u) & 6u));
     // taken, skipped, on the lattice, with matter
     var counts = vec4u(0u);
     // Invocations beyond the edge march the last pixel's ray and drop the result: a loop that no
@@ -122,7 +124,8 @@ fn integrate(way: Way, from_t: f32, to_t: f32, counts: ptr<function, vec4u>) -> 
         }
         var cubic = vec4f(frame.s_scale * march.corners.near.x + frame.s_offset, 0.0, 0.0, 0.0);
         if FILTER != 2u { cubic = cubic_along(grid, march.found, march.corners, t.x, t.y); }
-        let by_bend = min(ceil(sqrt(bend_of(cubic) / MOST_BEND)), MOST_PARTS_BY_BEND);
+        let most_bend = select(MOST_BEND, MOST_BEND_OF_SURFACES, SURFACES);
+        let by_bend = min(ceil(sqrt(bend_of(cubic) / most_bend)), MOST_PARTS_BY_BEND);
         let parts = max(max(by_bend, ceil((t.y - t.x) / frame.step_world)), 1.0);
         // The next part, whose end is `far`; what is left of it begins at `near`.
         var next = select(parts + 1.0, 1.0, march.has_found);
@@ -178,9 +181,11 @@ struct March {
     has_found: bool,
 }
 
-// Parts of a cell bend by no more than this, in s,
+// Parts of a cell bend by no more than this, in s; where there are normals, which turn within a part,
+// by less;
 const MOST_BEND = 0.002;
-// unless they would be more than these.
+const MOST_BEND_OF_SURFACES = 0.0005;
+// unless they were more than these.
 const MOST_PARTS_BY_BEND = 8.0;
 
 // Looks at the next cell, or at the one at the far border of an empty block.

@@ -167,3 +167,47 @@ fn light(light: &Light) -> Option<uniforms::Light> {
     };
     Some(table)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use scene::transfer_function::Point;
+
+    fn function(points: &[(f64, f64)]) -> TransferFunction {
+        let point = |&(s, sigma_t): &(f64, f64)| Point {
+            s,
+            sigma_t,
+            albedo: DVec3::ONE,
+            emission: DVec3::ZERO,
+            material: 0,
+        };
+        TransferFunction { points: points.iter().map(point).collect() }
+    }
+
+    #[test]
+    fn no_matter_lies_outside_of_its_cells_and_range() {
+        let functions = [
+            function(&[(0.0, 0.0), (0.16, 0.0), (0.42, 260.0), (1.0, 400.0)]),
+            function(&[(0.2, 3.0), (0.3, 0.0), (0.5, 0.0), (0.5, 9.0), (0.501, 9.0), (0.501, 0.0)]),
+            function(&[(0.3, 0.0), (0.7, 1e-3), (0.71, 0.0), (0.9, 0.0), (0.95, 2.0)]),
+            function(&[(0.4, 0.0)]),
+            function(&[(0.4, 1.0)]),
+        ];
+        for function in &functions {
+            let (cells, [low, high]) = matter_in_s(function);
+            let mut used = 0;
+            for i in 0..=100_000 {
+                let s = f64::from(i) / 1e5;
+                if function.at(s).sigma_t > 0.0 {
+                    let cell = ((s * f64::from(MATTER_CELLS)) as u32).min(MATTER_CELLS - 1);
+                    used |= 1 << cell;
+                    assert!(cells >> cell & 1 == 1, "{function:?}: cell of {s}");
+                    assert!((low..=high).contains(&(s as f32)), "{function:?}: {s} outside {low}..{high}");
+                }
+            }
+            // No more than cells that matter touches from outside.
+            assert!(cells & !(used | used << 1 | used >> 1) == 0, "{function:?}: {cells:x} for {used:x}");
+        }
+        assert!(matter_in_s(&functions[3]).0 == 0);
+    }
+}

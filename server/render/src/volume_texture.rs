@@ -1,5 +1,6 @@
 //! Voxels on the GPU, shared by content between everything that shows them.
 
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
 use scene::part::Room;
@@ -8,7 +9,7 @@ use scene::{PreparedVolume, Scene, Voxels};
 use crate::error::RenderError;
 use crate::gpu::Gpu;
 
-/// A volume whose voxels take no more than this four to a texel is held that way, too.
+/// A volume that takes no more than this four voxels to a texel is held that way, too.
 const MAX_QUAD_BYTES: u64 = 256 << 20;
 
 /// Bytes staged per upload step; bounds host memory beside the volume itself.
@@ -59,6 +60,7 @@ enum Encoding {
 pub struct VolumeCache {
     gpu: Arc<Gpu>,
     budget_bytes: u64,
+    max_quad_bytes: AtomicU64,
     entries: Mutex<Entries>,
 }
 
@@ -70,7 +72,13 @@ struct Entries {
 
 impl VolumeCache {
     pub(crate) fn new(gpu: Arc<Gpu>, budget_bytes: u64) -> Self {
-        Self { gpu, budget_bytes, entries: Mutex::default() }
+        Self { gpu, budget_bytes, max_quad_bytes: MAX_QUAD_BYTES.into(), entries: Mutex::default() }
+    }
+
+    /// Volumes loaded from now on are held four voxels to a texel as well if that takes no more than
+    /// these bytes: faster, and the same picture.
+    pub fn set_max_quad_bytes(&self, bytes: u64) {
+        self.max_quad_bytes.store(bytes, Ordering::Relaxed);
     }
 
     /// The texture of a volume, uploaded if it is not there yet. May be called from any thread;
@@ -82,12 +90,13 @@ impl VolumeCache {
         if let Some(texture) = self.touch(&volume.content) {
             return Ok(texture);
         }
-        let texture = match upload(&self.gpu, volume) {
+        let max_quad_bytes = self.max_quad_bytes.load(Ordering::Relaxed);
+        let texture = match upload(&self.gpu, volume, max_quad_bytes) {
             Err(RenderError::OutOfMemory { .. }) => {
                 // What no view holds gives way.
                 self.evict_beyond(0);
                 self.gpu.wait()?;
-                upload(&self.gpu, volume)?
+                upload(&self.gpu, volume, 0)?
             }
             uploaded => uploaded?,
         };
@@ -144,7 +153,7 @@ impl VolumeCache {
     }
 }
 
-fn upload(gpu: &Gpu, prepared: &PreparedVolume) -> Result<VolumeTexture, RenderError> {
+fn upload(gpu: &Gpu, prepared: &PreparedVolume, max_quad_bytes: u64) -> Result<VolumeTexture, RenderError> {
     let volume = &prepared.volume;
     let longest = volume.dims.into_iter().max().unwrap_or(1);
     let limit = gpu.device.limits().max_texture_dimension_3d;
@@ -184,7 +193,7 @@ fn upload(gpu: &Gpu, prepared: &PreparedVolume) -> Result<VolumeTexture, RenderE
     let [nx, ny, nz] = volume.dims;
     let quad_dims = [nx + 1, ny + 1, nz];
     let quad_bytes = quad_dims.iter().product::<usize>() as u64 * 4 * texel_bytes as u64;
-    let fits = quad_bytes <= MAX_QUAD_BYTES && quad_dims.iter().all(|&edge| edge <= limit as usize);
+    let fits = quad_bytes <= max_quad_bytes && quad_dims.iter().all(|&edge| edge <= limit as usize);
     let quads = fits.then(|| {
         let format = match encoding {
             Encoding::U8 => wgpu::TextureFormat::Rgba8Unorm,
