@@ -44,6 +44,8 @@ impl VolumeTexture {
 /// How stored voxels become texels.
 enum Encoding {
     U8,
+    /// `257 * stored` as unsigned 16-bit: the same share of the largest value.
+    U8In16,
     /// `stored + bias` as unsigned 16-bit.
     U16 {
         bias: i32,
@@ -87,10 +89,25 @@ impl VolumeCache {
     /// # Errors
     /// Out of memory, or an edge longer than the device's 3D textures allow.
     pub fn load(&self, volume: &PreparedVolume) -> Result<Arc<VolumeTexture>, RenderError> {
+        self.load_within(volume, u64::MAX)
+    }
+
+    /// As [`VolumeCache::load`], held four voxels to a texel as well only if both together take no
+    /// more than `max_bytes`.
+    ///
+    /// # Errors
+    /// As [`VolumeCache::load`].
+    pub fn load_within(
+        &self,
+        volume: &PreparedVolume,
+        max_bytes: u64,
+    ) -> Result<Arc<VolumeTexture>, RenderError> {
         if let Some(texture) = self.touch(&volume.content) {
             return Ok(texture);
         }
-        let max_quad_bytes = self.max_quad_bytes.load(Ordering::Relaxed);
+        let plain_bytes = volume.volume.voxels.len() as u64 * self.texel_bytes(&volume.volume.voxels);
+        let max_quad_bytes =
+            self.max_quad_bytes.load(Ordering::Relaxed).min(max_bytes.saturating_sub(plain_bytes));
         let texture = match upload(&self.gpu, volume, max_quad_bytes) {
             Err(RenderError::OutOfMemory { .. }) => {
                 // What no view holds gives way.
@@ -165,6 +182,10 @@ fn upload(gpu: &Gpu, prepared: &PreparedVolume, max_quad_bytes: u64) -> Result<V
     }
     let to_unorm16 = gpu.abilities.filter_unorm16;
     let encoding = match &volume.voxels {
+        // Mesa's software sampler interpolates 8-bit texels in 8-bit arithmetic.
+        Voxels::U8(v) if gpu.info().software && to_unorm16 && 2 * v.len() as u64 <= max_quad_bytes => {
+            Encoding::U8In16
+        }
         Voxels::U8(_) => Encoding::U8,
         Voxels::U16(_) if to_unorm16 => Encoding::U16 { bias: 0 },
         Voxels::I16(_) if to_unorm16 => Encoding::U16 { bias: -i32::from(i16::MIN) },
@@ -178,6 +199,7 @@ fn upload(gpu: &Gpu, prepared: &PreparedVolume, max_quad_bytes: u64) -> Result<V
     };
     let (format, texel_bytes, stored_scale, stored_offset, filterable) = match encoding {
         Encoding::U8 => (wgpu::TextureFormat::R8Unorm, 1, 255.0, 0.0, true),
+        Encoding::U8In16 => (wgpu::TextureFormat::R16Unorm, 2, 255.0, 0.0, true),
         Encoding::U16 { bias } => (wgpu::TextureFormat::R16Unorm, 2, 65535.0, -f64::from(bias), true),
         Encoding::F32 { low, range } => {
             let filterable = gpu.abilities.filter_f32;
@@ -197,7 +219,7 @@ fn upload(gpu: &Gpu, prepared: &PreparedVolume, max_quad_bytes: u64) -> Result<V
     let quads = fits.then(|| {
         let format = match encoding {
             Encoding::U8 => wgpu::TextureFormat::Rgba8Unorm,
-            Encoding::U16 { .. } => wgpu::TextureFormat::Rgba16Unorm,
+            Encoding::U8In16 | Encoding::U16 { .. } => wgpu::TextureFormat::Rgba16Unorm,
             Encoding::F32 { .. } => wgpu::TextureFormat::Rgba32Float,
         };
         upload_layers(gpu, quad_dims, format, 4 * texel_bytes, |layers| {
@@ -290,6 +312,9 @@ fn upload_layers(
 fn texels(voxels: &Voxels, range: std::ops::Range<usize>, encoding: &Encoding) -> Vec<u8> {
     match (voxels, encoding) {
         (Voxels::U8(v), Encoding::U8) => v[range].to_vec(),
+        (Voxels::U8(v), Encoding::U8In16) => {
+            v[range].iter().flat_map(|&x| (u16::from(x) * 257).to_ne_bytes()).collect()
+        }
         (Voxels::U16(v), Encoding::U16 { .. }) => bytemuck::cast_slice(&v[range]).to_vec(),
         (Voxels::I16(v), Encoding::U16 { bias }) => {
             v[range].iter().flat_map(|&x| ((i32::from(x) + bias) as u16).to_ne_bytes()).collect()

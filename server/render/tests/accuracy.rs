@@ -174,3 +174,23 @@ fn thin_matter_is_the_same_at_every_step() {
     eprintln!("mean error at steps of 0.25, 0.5, 1 and 2 voxels: {errors:?}");
     assert!(errors.iter().all(|error| error.abs() < 0.01), "{errors:?}");
 }
+
+#[test]
+fn the_sampler_reads_voxels_of_eight_bits_as_finely_as_others() {
+    // Eight voxels from 100 to 101: between them the field takes values that eight bits cannot hold.
+    let voxels = (0..8 * 8 * 8).map(|i| 100 + (i % 8 / 4) as u8).collect();
+    let volume = prepared(Volume::new([8, 8, 8], Voxels::U8(voxels)));
+    let image = |interpolation: &str| {
+        let patch = json!({
+            "value_range": [100, 101], "rendering": {"mode": "slice", "slice": {"normal": [0, 0, 1], "offset": 0}},
+            "camera": {"position": [0, 0, 2], "target": [0, 0, 0], "up": [0, 1, 0], "orthographic_height": 0.25},
+            "sampling": {"interpolation": interpolation}
+        });
+        radiance(&snapshot(&volume, patch, 1), target(32, 32, 1)).rgb
+    };
+    let (sampled, exact) = (image("sampler"), image("exact"));
+    let worst = sampled.iter().zip(&exact).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    // Weights of eight bits are the coarsest that devices have.
+    assert!(worst < 0.03, "{worst}");
+    assert!(exact.iter().any(|x| *x > 0.2 && *x < 0.8));
+}
