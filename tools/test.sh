@@ -10,6 +10,8 @@
 # shellcheck source=tools/browser.sh
 . tools/browser.sh
 
+# For each of a dozen targets: a short look beyond the seeds. Building them takes longer.
+FUZZ_SECONDS=3
 # A browser that hangs must not hold the machine for ever.
 BROWSER_TESTS_SECONDS=900
 
@@ -32,6 +34,7 @@ say "browser: $CHROMIUM"
 step "build" tools/build.sh
 if [ -n "$FAILED_STEPS" ]; then finish test; fi # or an older binary would be tested
 step "Rust tests" cargo test --release --workspace --no-fail-fast
+step "fuzzing of the readers" tools/fuzz.sh "$FUZZ_SECONDS"
 step "web client: unit tests" web_unit_tests
 step "browser tests" browser_tests
 finish test

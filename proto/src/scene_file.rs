@@ -840,7 +840,9 @@ impl Method {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, TS, ToSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Sampling {
-    /// Distance between samples on a view ray, in units of the smallest voxel edge, 1/16..8.
+    /// Distance between samples on a view ray of a projection or isosurface, and the longest part of
+    /// one through matter within which the field is taken as linear, in units of the smallest voxel
+    /// edge, 1/16..8.
     pub step_voxels: f64,
     /// Jittered passes accumulated at rest, 1..4096.
     pub samples_per_pixel: u32,

@@ -1,17 +1,17 @@
 // Ray caster: L = T * background + integral of T * (sigma_s L_i + sigma_a L_e) dt.
 //
-// The chord of the ray through the volume's box is cut into equal steps; the lattice depends on
-// camera, volume and quality alone, never on the transfer function. The field is read at the ends
-// of each step and taken as linear between them; where it crosses control points of the transfer
-// function the step is split, and within each part extinction is integrated exactly:
-// alpha = 1 - exp(-(sigma_a + sigma_b) / 2 * length). Steps of the transfer function, thin peaks
-// and homogeneous matter are therefore exact for a linear field; the error is of second order in
-// the step.
-// Skipping drops only steps within macrocells whose bins hold no matter: their extinction is
-// exactly zero and the image does not change by a bit.
+// A ray is led from cell to cell of the field (cells.wgsl); which cells it meets depends on camera and
+// volume alone, never on the transfer function. In a cell the field along the ray is a cubic
+// polynomial. It is cut into parts in which it hardly bends, and each is taken as linear; where it
+// crosses control points of the transfer function a part is split, and within each piece extinction
+// is integrated exactly: alpha = 1 - exp(-(sigma_a + sigma_b) / 2 * length). Steps of the transfer
+// function, thin peaks and homogeneous matter are therefore exact for a linear field.
+// Skipping drops only cells within macrocells whose bins hold no matter: their extinction is exactly
+// zero and the image does not change by a bit.
 
 @group(0) @binding(5) var<storage, read_write> film: array<vec4f>;
-// Pairs of low and high words: samples (steps) taken, skipped, on the lattice; parts with matter;
+// Pairs of low and high words: cells (steps, where there is no matter in light) looked at, skipped, on
+// the ray; parts with matter;
 // view-ray segments kept, cast.
 @group(0) @binding(6) var<storage, read_write> counters: array<atomic<u32>>;
 
@@ -31,8 +31,10 @@ const COUNTERS = 6u;
 var<workgroup> group_counts: array<atomic<u32>, COUNTERS>;
 
 @compute @workgroup_size(8, 8)
-fn ray_cast(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_index) lane: u32) {
-    always_zero = id.z;
+fn ray_cast(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
+    always_zero = group.z;
+    // Eight lanes that a processor executes in step are 4 x 2 neighbours, not a row.
+    let id = 8u * group.xy + vec2u((lane & 3u) | ((lane >> 1u) & 4u), ((lane >> 2u) & 1u) | ((lane >> 3u) & 6u));
     // taken, skipped, on the lattice, with matter
     var counts = vec4u(0u);
     // Invocations beyond the edge march the last pixel's ray and drop the result: a loop that no
@@ -77,120 +79,151 @@ fn add_to_counter(counter: u32, amount: u32) {
 fn seen(eye_ray: Ray, pixel_index: u32, keep: bool, counts: ptr<function, vec4u>) -> vec3f {
     let way = way_of(eye_ray);
     if !way.meets { return frame.background; }
-    (*counts).z += u32(max(way.end - way.first, 0.0));
     if MODE == VOLUME {
+        (*counts).z += u32(cells_between(grid_of(way.ray), way.kept.x, way.kept.y));
         if KEEP_SEGMENTS { return through_segments(way, pixel_index, keep, counts); }
-        let all = integrate(way, way.first, way.end, counts);
+        let all = integrate(way, way.kept.x, way.kept.y, counts);
         return all.xyz + select(all.w, 0.0, all.w < frame.termination) * frame.background;
     }
+    (*counts).z += u32(max(way.end - way.first, 0.0));
     if MODE == ISOSURFACE { return isosurface(way, counts); }
     return values(way, counts);
 }
 
-// Radiance from steps first .. end of the lattice, and their transmittance. Summed up segment by
+// Radiance from one distance to another, and the transmittance between them. Summed up segment by
 // segment (segments.wgsl), so that whole rays and kept segments add the same numbers in the same
 // order.
-fn integrate(way: Way, first: f32, end: f32, counts: ptr<function, vec4u>) -> vec4f {
+fn integrate(way: Way, from_t: f32, to_t: f32, counts: ptr<function, vec4u>) -> vec4f {
     let ray = way.ray;
     let w_o = -ray.direction;
+    let grid = grid_of(ray);
     // Of the segments before, and of this one.
     var radiance_before = vec3f(0.0);
     var transmittance_before = 1.0;
     var radiance = vec3f(0.0);
     var transmittance = 1.0;
-    var segment = segment_of(way, first);
-    var march = March(first, first, FieldPoint(), FieldPoint(), false, false);
+    var segment = segment_at(way, from_t);
+    var march = March();
+    march.cell = cell_at(grid, from_t);
+    march.t = from_t;
+    march.floor_t = from_t;
     // Two loops, because the software device executes all branches of a loop for all lanes: the
     // inner one is short.
-    while march.k < end {
-        var found = march.within_step;
-        while march.k < end && !found {
-            if !begin_step(way, end, &march, counts) { continue; }
-            found = !is_empty(march.near, march.far);
-            if !found {
-                march.near = march.far;
-                march.near_is_known = true;
-                march.k += 1.0;
-            }
+    while march.t < to_t {
+        while march.t < to_t && !march.has_found {
+            visit_cell(way, grid, to_t, &march, counts);
         }
-        if !found { break; }
-        let now_in = segment_of(way, march.k);
-        if now_in != segment {
+        let t = march.found_t;
+        if march.has_found && march.segment != segment {
             radiance_before += transmittance_before * radiance;
             transmittance_before *= transmittance;
             radiance = vec3f(0.0);
             transmittance = 1.0;
-            segment = now_in;
+            segment = march.segment;
             if transmittance_before < frame.termination { break; }
         }
-        let near = march.near;
-        let part = first_part(near, march.far);
-        let optical_depth = 0.5 * (part.sigma_t.x + part.sigma_t.y) * (part.end.t - near.t);
-        march.near = part.end;
-        march.near_is_known = true;
-        march.within_step = !part.ends_step;
-        march.k += select(0.0, 1.0, part.ends_step);
-        if optical_depth > 0.0 {
-            (*counts).w += 1u;
-            let through = exp(-optical_depth);
-            let weight = centre_of_light(part.sigma_t, optical_depth);
-            let x = ray.origin + mix(near.t, part.end.t, weight) * ray.direction;
-            let place = place_in(part.piece, mix(near.s, part.end.s, weight));
-            let albedo = albedo_at(place);
-            let material = materials[place.material];
-            var gradient = vec3f(0.0);
-            if SURFACES {
-                if material.surface > 0.0 { gradient = gradient_at(x / frame.size_world + 0.5); }
+        var cubic = vec4f(frame.s_scale * march.corners.near.x + frame.s_offset, 0.0, 0.0, 0.0);
+        if FILTER != 2u { cubic = cubic_along(grid, march.found, march.corners, t.x, t.y); }
+        let most_bend = select(MOST_BEND, MOST_BEND_OF_SURFACES, SURFACES);
+        let by_bend = min(ceil(sqrt(bend_of(cubic) / most_bend)), MOST_PARTS_BY_BEND);
+        let parts = max(max(by_bend, ceil((t.y - t.x) / frame.step_world)), 1.0);
+        // The next part, whose end is `far`; what is left of it begins at `near`.
+        var next = select(parts + 1.0, 1.0, march.has_found);
+        var near = field_point(t.x, s_on(cubic, 0.0));
+        march.has_found = false;
+        while next <= parts {
+            let u = next / parts;
+            let part = first_part(near, field_point(mix(t.x, t.y, u), s_on(cubic, u)));
+            let optical_depth = 0.5 * (part.sigma_t.x + part.sigma_t.y) * (part.end.t - near.t);
+            next += select(0.0, 1.0, part.ends_step);
+            if optical_depth > 0.0 {
+                (*counts).w += 1u;
+                let through = exp(-optical_depth);
+                let weight = centre_of_light(part.sigma_t, optical_depth);
+                let x = ray.origin + mix(near.t, part.end.t, weight) * ray.direction;
+                let place = place_in(part.piece, mix(near.s, part.end.s, weight));
+                let albedo = albedo_at(place);
+                let material = materials[place.material];
+                var gradient = vec3f(0.0);
+                if SURFACES {
+                    if material.surface > 0.0 { gradient = gradient_at(x / frame.size_world + 0.5); }
+                }
+                var source = scattered_radiance(x, w_o, albedo, material, gradient);
+                if EMISSION { source += (1.0 - albedo) * emission_at(place); }
+                radiance += transmittance * (1.0 - through) * source;
+                transmittance *= through;
+                if transmittance < frame.termination {
+                    // Nothing behind it is seen.
+                    next = parts + 1.0;
+                    march.t = to_t;
+                }
             }
-            var source = scattered_radiance(x, w_o, albedo, material, gradient);
-            if EMISSION { source += (1.0 - albedo) * emission_at(place); }
-            radiance += transmittance * (1.0 - through) * source;
-            transmittance *= through;
-            if transmittance < frame.termination { break; }
+            near = part.end;
         }
     }
     radiance_before += transmittance_before * radiance;
     return vec4f(radiance_before, transmittance_before * transmittance);
 }
 
-// Where a ray has got to: what is left of step k is from `near`, on the lattice or where the field
-// crosses a control point, to `far`.
+// Where a ray has got to.
 struct March {
-    k: f32,
-    // The first lattice point whose macrocell has not been looked up yet.
-    unknown: f32,
-    near: FieldPoint,
-    far: FieldPoint,
-    near_is_known: bool,
-    within_step: bool,
+    // The cell to be looked at next; the ray has got to t.
+    cell: vec3f,
+    t: f32,
+    // Before it lies what is not this cell's: where the ray or the segment begins.
+    floor_t: f32,
+    // The last cell that was looked at, what of it lies within one segment, and whether it may hold
+    // matter that has not been seen yet.
+    found: vec3f,
+    found_t: vec2f,
+    corners: Corners,
+    segment: u32,
+    has_found: bool,
 }
 
-// Reads the field at the ends of step k; or leaps on, and returns false.
-fn begin_step(way: Way, end: f32, march: ptr<function, March>, counts: ptr<function, vec4u>) -> bool {
-    let k = (*march).k;
-    var unknown = (*march).unknown;
-    let next = min(leap(way, k, &unknown), end);
-    (*march).unknown = unknown;
-    if next > k {
-        (*counts).y += u32(next - k);
-        (*march).k = next;
-        (*march).near_is_known = false;
-        return false;
+// Parts of a cell bend by no more than this, in s; where there are normals, which turn within a part,
+// by less;
+const MOST_BEND = 0.002;
+const MOST_BEND_OF_SURFACES = 0.0005;
+// unless they were more than these.
+const MOST_PARTS_BY_BEND = 8.0;
+
+// Looks at the next cell, or at the one at the far border of an empty block.
+fn visit_cell(way: Way, grid: Grid, to_t: f32, march: ptr<function, March>, counts: ptr<function, vec4u>) {
+    let floor_t = (*march).floor_t;
+    var cell = (*march).cell;
+    let empty_to = min(empty_until(grid, max(enters_at(grid, cell), floor_t)), to_t);
+    if empty_to > smallest(leaves_at(grid, cell)) {
+        let landing = max(cell_at(grid, empty_to), cell);
+        (*counts).y += u32(dot(landing - cell, vec3f(1.0)));
+        cell = landing;
     }
-    (*counts).x += 1u;
-    let t = distance_at(way, k);
-    let next_t = distance_at(way, k + 1.0);
+    let begin = max(enters_at(grid, cell), floor_t);
+    let leave = leaves_at(grid, cell);
+    // A cell is cut where a segment ends.
+    let segment = segment_at(way, begin);
+    let limit = min(segment_end(way, segment), to_t);
+    let end = max(min(smallest(leave), limit), begin);
+    (*counts).x += u32(begin > floor_t || floor_t == way.kept.x);
+    (*march).t = end;
+    (*march).found = cell;
+    (*march).found_t = vec2f(begin, end);
+    (*march).segment = segment;
+    if smallest(leave) > limit { (*march).floor_t = limit; }
+    (*march).cell = select(cell + axis_of_smallest(leave), cell, smallest(leave) > limit);
+    var span = vec2f(0.0);
     if FILTER == 2u {
-        // Not interpolated: one voxel's matter for the whole step.
-        (*march).far = field_at(way.ray, 0.5 * (t + next_t));
-        (*march).near = (*march).far;
-        (*march).near.t = t;
-        (*march).far.t = next_t;
-        return true;
+        let value = voxel_of(grid, cell);
+        (*march).corners = Corners(vec4f(value), vec4f(value));
+        span = vec2f(value);
+    } else {
+        let corners = corners_of(grid, cell);
+        let low = min(corners.near, corners.far);
+        let high = max(corners.near, corners.far);
+        span = vec2f(min(min(low.x, low.y), min(low.z, low.w)), max(max(high.x, high.y), max(high.z, high.w)));
+        (*march).corners = corners;
     }
-    if !(*march).near_is_known { (*march).near = field_at(way.ray, t); }
-    (*march).far = field_at(way.ray, next_t);
-    return true;
+    (*march).has_found = may_hold_matter(s_of_texel(span.x), s_of_texel(span.y)) && end > begin;
 }
 
 // Where along a part of given extinction at its ends and optical depth what is linear along it has
@@ -218,15 +251,8 @@ struct FieldPoint {
     extinction: TableEntry,
 }
 
-fn field_at(ray: Ray, t: f32) -> FieldPoint {
-    let s = s_of_texel(texel_value(uvw_at(ray, t)));
+fn field_point(t: f32, s: f32) -> FieldPoint {
     return FieldPoint(t, s, table_entry(s));
-}
-
-// Whether a step lies in one piece of the transfer function, without extinction.
-fn is_empty(near: FieldPoint, far: FieldPoint) -> bool {
-    return one_piece(near.extinction, far.extinction)
-        && near.extinction.sigma_t + far.extinction.sigma_t <= 0.0;
 }
 
 // The first part of a step on which s, taken as linear along the step, stays within one piece of

@@ -1,12 +1,12 @@
 // View-ray segments: what a ray met, kept in pieces, so that an edit of matter casts anew only the
 // pieces it touches.
 //
-// The steps of a ray are divided into SEGMENTS runs of equal length. Of each its own radiance and
+// A ray is divided into SEGMENTS parts of equal length. Of each its own radiance and
 // transmittance are kept, whatever lies before it, and put together from the eye on:
 // L = sum of T_before * L_segment, T_before = product of the transmittances before.
 // A kept segment is stale if the ray meets, within it, a macrocell that holds a bin in which matter
 // changed: the ray is led over the distance map of such cells as it is over the one of emptiness,
-// and a step that is not leapt over may have changed. So nothing need be noted down while casting.
+// and what is not leapt over may have changed. So nothing need be noted down while casting.
 // A segment behind the place where the ray ends is not cast; if it is stale, it is forgotten.
 
 // Per segment and pixel, and for the sum of a pixel's segments, the bits of radiance and transmittance, the sign bit of the latter set; all
@@ -61,7 +61,7 @@ fn through_segments(way: Way, pixel_index: u32, keep: bool, counts: ptr<function
         }
         // Lanes that need nothing walk an empty way (see `ray_cast`).
         let first = segment_start(way, min(i, SEGMENTS - 1u));
-        let end = segment_start(way, min(i, SEGMENTS - 1u) + 1u);
+        let end = segment_end(way, min(i, SEGMENTS - 1u));
         let found = integrate(way, first, select(first, end, needed), counts);
         if needed {
             if keep { segments[i * pixels + pixel_index] = bitcast<vec4u>(found) | vec4u(0u, 0u, 0u, KNOWN); }
@@ -77,34 +77,43 @@ fn through_segments(way: Way, pixel_index: u32, keep: bool, counts: ptr<function
     return radiance + select(transmittance, 0.0, transmittance < frame.termination) * frame.background;
 }
 
-// The first step of segment i. In integers, so that it is the same wherever it is asked for.
+// Where segment i begins.
 fn segment_start(way: Way, i: u32) -> f32 {
-    return way.first + f32(u32(way.end - way.first) * i / SEGMENTS);
+    return mix(way.kept.x, way.kept.y, f32(i) / f32(SEGMENTS));
 }
 
-// The segment that a step lies in: the largest i that starts at or before it.
-fn segment_of(way: Way, k: f32) -> u32 {
-    let steps = max(u32(way.end - way.first), 1u);
-    return (u32(k - way.first + 1.0) * SEGMENTS - 1u) / steps;
+fn segment_end(way: Way, i: u32) -> f32 {
+    if i + 1u >= SEGMENTS { return way.kept.y; }
+    return segment_start(way, i + 1u);
+}
+
+// The segment that begins at a distance or holds it.
+fn segment_at(way: Way, t: f32) -> u32 {
+    let share = (t - way.kept.x) / (way.kept.y - way.kept.x);
+    let i = u32(clamp(share * f32(SEGMENTS), 0.0, f32(SEGMENTS - 1u)));
+    // The quotient may round across the border.
+    if t >= segment_end(way, i) { return min(i + 1u, SEGMENTS - 1u); }
+    if t < segment_start(way, i) { return i - 1u; }
+    return i;
 }
 
 // A bit for each segment that may have changed.
 fn stale_segments(way: Way) -> u32 {
     var stale = 0u;
-    var k = way.first;
-    var unknown = k;
+    var t = way.kept.x;
     // Without kept segments everything is stale, and there is nothing to walk for.
-    let end = select(way.first, way.end, steering(frame.segments_kept) != 0u);
-    while k < end {
-        let next = leap_by(changed_map, way, k, &unknown);
-        if next > k {
-            k = next;
+    let grid = grid_of(way.ray);
+    let end = select(t, way.kept.y, steering(frame.segments_kept) != 0u);
+    while t < end {
+        let clear_to = clear_until(changed_map, grid, t);
+        if clear_to > t {
+            t = clear_to;
         } else {
-            let segment = segment_of(way, k);
+            let segment = segment_at(way, t);
             stale |= 1u << segment;
             // What else the segment holds does not matter.
-            k = segment_start(way, segment + 1u);
+            t = segment_end(way, segment);
         }
     }
-    return select(0xffffffffu, stale, end > way.first);
+    return select(0xffffffffu, stale, end > way.kept.x);
 }

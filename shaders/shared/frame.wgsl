@@ -46,6 +46,10 @@ struct Frame {
     // 1: view-ray segments may be used again.
     segments_kept: u32,
     pad0: u32,
+    // Of 64 cells of s, in two words, those in which there is matter.
+    matter_cells: vec2u,
+    // Smallest and largest s at which there is matter.
+    matter_range: vec2f,
     pad1: u32,
     pad2: u32,
     // Slice: the points with dot(xyz, x) = w. Isosurface: w is its s, not clamped.

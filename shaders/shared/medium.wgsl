@@ -13,6 +13,8 @@
 @group(0) @binding(8) var volume_sampler: sampler;
 
 const TF_CELLS = 1024.0;
+// Cells of s in `frame.matter_cells`.
+const MATTER_CELLS = 64.0;
 // The scene's materials and the isotropic one before them.
 const MAX_MATERIALS = 65;
 
@@ -149,6 +151,17 @@ fn albedo_at(place: Place) -> vec3f {
 
 fn emission_at(place: Place) -> vec3f {
     return mix(point_row(place.lower, 2u).xyz, point_row(place.upper, 2u).xyz, place.t);
+}
+
+// Whether there may be matter at any value from `low` to `high`.
+fn may_hold_matter(low: f32, high: f32) -> bool {
+    if low > frame.matter_range.y || high < frame.matter_range.x { return false; }
+    let first = min(u32(low * MATTER_CELLS), u32(MATTER_CELLS) - 1u);
+    let last = min(u32(high * MATTER_CELLS), u32(MATTER_CELLS) - 1u);
+    // Bits first .. last of 64 in two words.
+    let from_first = select(vec2u(0xffffffffu << first, 0xffffffffu), vec2u(0u, 0xffffffffu << (first - 32u)), first >= 32u);
+    let to_last = select(vec2u(0xffffffffu >> (31u - last), 0u), vec2u(0xffffffffu, 0xffffffffu >> (63u - last)), last >= 32u);
+    return any((frame.matter_cells & from_first & to_last) != vec2u(0u));
 }
 
 // Gradient of s in the world by central differences one voxel apart; before clamping to 0..1.

@@ -76,6 +76,50 @@ fn other_types_and_colours() {
     noticed(&green, "one of them");
 }
 
+/// A page of 3 x 2 bytes, little-endian, with the entries given besides those every page has.
+fn page_by_hand(more: &[(u16, u16, u32)]) -> Vec<u8> {
+    const SHORT: u16 = 3;
+    const LONG: u16 = 4;
+    // The strip follows the header at once.
+    let mut entries = vec![
+        (Tag::ImageWidth.to_u16(), SHORT, 3),
+        (Tag::ImageLength.to_u16(), SHORT, 2),
+        (Tag::BitsPerSample.to_u16(), SHORT, 8),
+        (Tag::Compression.to_u16(), SHORT, 1),
+        (Tag::PhotometricInterpretation.to_u16(), SHORT, 1),
+        (Tag::StripOffsets.to_u16(), LONG, 8),
+    ];
+    entries.extend_from_slice(more);
+    entries.sort_unstable();
+    let mut bytes = b"II*\0\x0e\0\0\0\x01\x02\x03\x04\x05\x06".to_vec();
+    bytes.extend((entries.len() as u16).to_le_bytes());
+    for (tag, kind, value) in entries {
+        bytes.extend(tag.to_le_bytes());
+        bytes.extend(kind.to_le_bytes());
+        bytes.extend(1u32.to_le_bytes());
+        bytes.extend(value.to_le_bytes());
+    }
+    bytes.extend([0; 4]);
+    bytes
+}
+
+#[test]
+fn without_rows_per_strip_a_page_is_one_strip() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.tif");
+    let counted = (Tag::StripByteCounts.to_u16(), 4, 6);
+    let rows = |rows: u32| (Tag::RowsPerStrip.to_u16(), 4, rows);
+    for more in [vec![counted], vec![counted, rows(2)], vec![counted, rows(u32::MAX)]] {
+        std::fs::write(&path, page_by_hand(&more)).unwrap();
+        let imported = read(&path).unwrap_or_else(|error| panic!("{more:?}: {error}"));
+        assert_eq!(imported.volume.dims, [3, 2, 1], "{more:?}");
+        assert_eq!(data(&imported), [1.0, 2.0, 3.0, 4.0, 5.0, 6.0], "{more:?}");
+    }
+    // Two strips of one row, of which the page has one.
+    std::fs::write(&path, page_by_hand(&[counted, rows(1)])).unwrap();
+    assert!(read(&path).is_err());
+}
+
 #[test]
 fn folders_of_slices_are_read_in_the_order_of_their_numbers() {
     for kind in ["png", "tif"] {

@@ -40,7 +40,7 @@ pub fn fit<E: From<RenderError>>(
         texel_bytes: cache.texel_bytes(&whole.volume.voxels),
         room: cache.room(max_bytes),
     };
-    fit_with(&volume, wish, whole, part_of, |volume| cache.load(volume).map(drop))
+    fit_with(&volume, wish, whole, part_of, |volume| cache.load_within(volume, max_bytes).map(drop))
 }
 
 /// A volume as textures see it.

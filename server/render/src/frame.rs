@@ -49,6 +49,7 @@ pub(crate) fn frame_uniform(scene: &Scene, texture: &VolumeTexture, film: &FilmC
         // Only with an environment image as a light, which `check` refuses.
         Background::Image { .. } => DVec3::ZERO,
     };
+    let (matter_cells, matter_range) = tables::matter_in_s(&scene.transfer_function);
     FrameUniform {
         eye: tables::vector(camera.eye),
         half_height: half_height as f32,
@@ -78,6 +79,8 @@ pub(crate) fn frame_uniform(scene: &Scene, texture: &VolumeTexture, film: &FilmC
         sample_index: 0,
         segments_kept: 0,
         pad0: 0,
+        matter_cells: [matter_cells as u32, (matter_cells >> 32) as u32],
+        matter_range,
         pad1: 0,
         pad2: 0,
         surface: surface(scene),

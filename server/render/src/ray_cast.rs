@@ -24,6 +24,8 @@ pub struct Variant {
     pub mode: u32,
     /// Segments a ray's sum is made of; `SEGMENTS` in the shader.
     pub segments: u32,
+    /// Whether voxels can be read four at a time; `QUADS` in the shader.
+    pub quads: bool,
     /// Whether they are kept; `KEEP_SEGMENTS` in the shader.
     pub keep_segments: bool,
     /// What the scene uses.
@@ -62,6 +64,7 @@ impl Variant {
                 Rendering::Slice { .. } => 5,
             },
             segments: scene.sampling.segments.max(1),
+            quads: texture.quads.is_some(),
             keep_segments: false,
             features: if scene.rendering.is_lit() { Features::of(scene) } else { Features::default() },
         }
@@ -161,6 +164,7 @@ impl RayCaster {
             constants.push(("FILTER", f64::from(variant.filter)));
             constants.push(("MODE", f64::from(variant.mode)));
             constants.push(("SEGMENTS", f64::from(variant.segments)));
+            constants.push(("QUADS", f64::from(u8::from(variant.quads))));
             constants.push(("KEEP_SEGMENTS", f64::from(u8::from(variant.keep_segments))));
             gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some("ray_cast"),
@@ -206,7 +210,7 @@ impl Bindings {
     }
 }
 
-fn layout_entries(filtering: bool) -> [wgpu::BindGroupLayoutEntry; 12] {
+fn layout_entries(filtering: bool) -> [wgpu::BindGroupLayoutEntry; 13] {
     let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
         binding,
         visibility: wgpu::ShaderStages::COMPUTE,
@@ -240,5 +244,6 @@ fn layout_entries(filtering: bool) -> [wgpu::BindGroupLayoutEntry; 12] {
         entry(9, texture(wgpu::TextureSampleType::Uint)),
         entry(10, write()),
         entry(11, texture(wgpu::TextureSampleType::Uint)),
+        entry(12, texture(wgpu::TextureSampleType::Float { filterable: false })),
     ]
 }

@@ -17,6 +17,7 @@ pub const RAY_CAST: &str = parts!(
     "shared/light.wgsl",
     "local/local.wgsl",
     "ray_cast/way.wgsl",
+    "ray_cast/cells.wgsl",
     "ray_cast/values.wgsl",
     "ray_cast/isosurface.wgsl",
     "ray_cast/segments.wgsl",

@@ -7,11 +7,19 @@ use proto::scene_file::{Brdf, Phase};
 use scene::Scene;
 use scene::light::{Light, LightGeometry};
 use scene::scattering::{ambient_reflectance, blinn_phong_normalisation};
+use scene::transfer_function::TransferFunction;
 
 use crate::uniforms;
 
 /// Cells of the extinction table over `s`; equals `TF_CELLS` in shaders/shared/medium.wgsl.
 pub const TRANSFER_FUNCTION_CELLS: usize = 1024;
+
+/// Cells of `s` that are told apart when a ray asks whether there may be matter; equals
+/// `MATTER_CELLS` in shaders/shared/medium.wgsl.
+pub const MATTER_CELLS: u32 = 64;
+
+/// What arithmetic in f32 may move `s` by, with room to spare.
+const S_SLACK: f64 = 1e-5;
 
 /// Rows of the point table.
 pub const POINT_ROWS: usize = 3;
@@ -61,6 +69,22 @@ pub fn transfer_function_cells(scene: &Scene) -> Vec<[f32; 4]> {
             [lower as f32, slope as f32, below as f32 - 1.0, f32::from(u8::from(inside > below))]
         })
         .collect()
+}
+
+/// Of [`MATTER_CELLS`] equal cells of `s` those in which there is matter, as bits; and the smallest
+/// and largest `s` with matter (the former above the latter where there is none).
+pub fn matter_in_s(function: &TransferFunction) -> (u64, [f32; 2]) {
+    let with_matter = |low: f64, high: f64| function.largest_sigma_t(low - S_SLACK, high + S_SLACK) > 0.0;
+    let edge = |cell: u32| f64::from(cell) / f64::from(MATTER_CELLS);
+    let cells = (0..MATTER_CELLS).filter(|&cell| with_matter(edge(cell), edge(cell + 1)));
+    let points = &function.points;
+    let pieces = || points.windows(2).filter(|piece| piece.iter().any(|point| point.sigma_t > 0.0));
+    let ends = |index: usize| points.get(index).filter(|point| point.sigma_t > 0.0);
+    let low = ends(0).map(|_| 0.0).or(pieces().next().map(|piece| piece[0].s));
+    let last = ends(points.len().wrapping_sub(1)).map(|_| 1.0);
+    let high = last.or(pieces().next_back().map(|piece| piece[1].s));
+    let range = [low.map_or(2.0, |s| s - S_SLACK), high.map_or(-1.0, |s| s + S_SLACK)];
+    (cells.fold(0, |mask, cell| mask | 1 << cell), range.map(|s| s as f32))
 }
 
 pub fn materials(scene: &Scene) -> Vec<uniforms::Material> {
@@ -211,4 +235,48 @@ fn light(light: &Light) -> Option<uniforms::Light> {
         }
     };
     Some(table)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use scene::transfer_function::Point;
+
+    fn function(points: &[(f64, f64)]) -> TransferFunction {
+        let point = |&(s, sigma_t): &(f64, f64)| Point {
+            s,
+            sigma_t,
+            albedo: DVec3::ONE,
+            emission: DVec3::ZERO,
+            material: 0,
+        };
+        TransferFunction { points: points.iter().map(point).collect() }
+    }
+
+    #[test]
+    fn no_matter_lies_outside_of_its_cells_and_range() {
+        let functions = [
+            function(&[(0.0, 0.0), (0.16, 0.0), (0.42, 260.0), (1.0, 400.0)]),
+            function(&[(0.2, 3.0), (0.3, 0.0), (0.5, 0.0), (0.5, 9.0), (0.501, 9.0), (0.501, 0.0)]),
+            function(&[(0.3, 0.0), (0.7, 1e-3), (0.71, 0.0), (0.9, 0.0), (0.95, 2.0)]),
+            function(&[(0.4, 0.0)]),
+            function(&[(0.4, 1.0)]),
+        ];
+        for function in &functions {
+            let (cells, [low, high]) = matter_in_s(function);
+            let mut used = 0;
+            for i in 0..=100_000 {
+                let s = f64::from(i) / 1e5;
+                if function.at(s).sigma_t > 0.0 {
+                    let cell = ((s * f64::from(MATTER_CELLS)) as u32).min(MATTER_CELLS - 1);
+                    used |= 1 << cell;
+                    assert!(cells >> cell & 1 == 1, "{function:?}: cell of {s}");
+                    assert!((low..=high).contains(&(s as f32)), "{function:?}: {s} outside {low}..{high}");
+                }
+            }
+            // No more than cells that matter touches from outside.
+            assert!(cells & !(used | used << 1 | used >> 1) == 0, "{function:?}: {cells:x} for {used:x}");
+        }
+        assert!(matter_in_s(&functions[3]).0 == 0);
+    }
 }

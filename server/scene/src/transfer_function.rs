@@ -84,7 +84,7 @@ impl TransferFunction {
     }
 
     /// Largest extinction in the closed interval, limits from both sides of its ends included.
-    fn largest_sigma_t(&self, low: f64, high: f64) -> f64 {
+    pub fn largest_sigma_t(&self, low: f64, high: f64) -> f64 {
         let inside = self.points.iter().filter(|p| (low..=high).contains(&p.s));
         [self.at(low), self.at(high)].iter().chain(inside).fold(0.0, |largest, p| p.sigma_t.max(largest))
     }

@@ -488,7 +488,9 @@ export type Method = "local" | "convection_diffusion" | "image_based" | "precomp
 
 export type Sampling = { 
 /**
- * Distance between samples on a view ray, in units of the smallest voxel edge, 1/16..8.
+ * Distance between samples on a view ray of a projection or isosurface, and the longest part of
+ * one through matter within which the field is taken as linear, in units of the smallest voxel
+ * edge, 1/16..8.
  */
 step_voxels: number, 
 /**

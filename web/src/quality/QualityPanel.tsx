@@ -76,7 +76,7 @@ export function QualityPanel() {
 function RayFields({ sampling }: { sampling: Sampling }) {
   return (
     <>
-        <SliderField label="Step" hint="Distance between samples on a ray, in smallest voxel edges" value={sampling.step_voxels} min={1 / 16} max={8} step={0.05} toSlider={Math.log2} fromSlider={(x) => 2 ** x} testId="step-voxels" onChange={(step_voxels) => session.edit({ sampling: { step_voxels } }, "step")} />
+        <SliderField label="Step" hint="Longest part of a ray that is computed at once, in smallest voxel edges" value={sampling.step_voxels} min={1 / 16} max={8} step={0.05} toSlider={Math.log2} fromSlider={(x) => 2 ** x} testId="step-voxels" onChange={(step_voxels) => session.edit({ sampling: { step_voxels } }, "step")} />
         <SliderField label="Samples" hint="Jittered passes per pixel that are accumulated at rest" value={sampling.samples_per_pixel} min={1} max={MAX_SAMPLES} sliderMax={SLIDER_SAMPLES} step={1} toSlider={Math.log2} fromSlider={(x) => Math.round(2 ** x)} digits={4} testId="samples-per-pixel" onChange={(samples) => session.edit({ sampling: { samples_per_pixel: Math.round(samples) } }, "samples")} />
     </>
   );

@@ -168,6 +168,7 @@ impl Renderer {
                 texture_entry(9, tables.distance_map),
                 buffer_entry(10, segments),
                 texture_entry(11, changed_map.as_ref().unwrap_or(tables.distance_map)),
+                texture_entry(12, tables.texture.quads.as_ref().unwrap_or(&tables.texture.view)),
             ],
         });
         Ok(SamplePass {
