@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 
 use common::{draw, homogeneous, json_merge, prepared, renderer, target};
 use proto::SceneFile;
+use proto::scene_file::{Builtin, Method};
 use render::{DrawRequest, Drawn, Renderer, View};
 use scene::plan::{FilmPlan, Target};
 use scene::{EnvironmentImage, EnvironmentImages, PreparedVolume, Scene, Snapshot, Volume, Voxels};
@@ -86,6 +87,24 @@ fn interruptions_change_no_bit() {
     assert!(in_slices(&mut renderer, &mut view, &scene, 3).is_none(), "three slices are not enough");
     in_slices(&mut renderer, &mut view, &scene, 100_000).expect("it ends");
     assert_eq!(bits(&mut renderer, &view), whole);
+}
+
+/// Long ways through noisy matter: what a device that ends loops early would lose.
+#[test]
+fn long_paths_in_one_go_are_those_in_slices() {
+    let mut renderer = renderer();
+    let volume = prepared(scene::builtin::build(Builtin::VesselTree, [32; 3], &|_| {}));
+    let mut file = scene::builtin::scene(Builtin::VesselTree).unwrap();
+    file.illumination.method = Method::PathTraced;
+    let snapshot = Arc::new(Snapshot { epoch: 1, scene: Scene::new(&file, volume).unwrap() });
+    let target = Target { width: 64, height: 64, samples_per_pixel: 32 };
+    let mut of = |budget: Option<Duration>| {
+        let mut view = View::new();
+        let request = DrawRequest { snapshot: &snapshot, target, budget };
+        while !renderer.draw(&mut view, &request).unwrap().complete {}
+        bits(&mut renderer, &view)
+    };
+    assert!(of(None) == of(Some(Duration::from_millis(5))));
 }
 
 #[test]

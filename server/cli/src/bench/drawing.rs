@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use proto::rest::DeviceInfo;
 use render::{AdapterPolicy, DrawRequest, Gpu, RenderError, Renderer, View};
 use scene::plan::Target;
-use scene::{Scene, Snapshot};
+use scene::{Integrator, Scene, Snapshot};
 
 /// Pictures drawn to take a time from; the quickest counts.
 const TIMED_RUNS: usize = 7;
@@ -25,6 +25,8 @@ pub struct Canvas {
 pub struct Drawing {
     /// Linear RGB, rows from the top.
     pub radiance: Vec<[f64; 3]>,
+    /// Of each value, where the picture is a random estimate; else 0.
+    pub standard_error: Vec<[f64; 3]>,
     /// Wall clock, from an empty view to the finished film, read-back of counters included, that of
     /// the picture not. The volume was on the device.
     pub millis: f64,
@@ -68,7 +70,7 @@ impl Canvas {
         patience: Duration,
     ) -> Result<Drawing, RenderError> {
         let snapshot = Arc::new(Snapshot { epoch: 1, scene: scene.clone() });
-        let target = Target { width, height, samples_per_pixel: scene.sampling.samples_per_pixel };
+        let target = Target { width, height, samples_per_pixel: scene.samples_at_rest() };
         let mut view = View::new();
         let (mut slices, mut longest) = (0, 0.0f64);
         let mut counters = BTreeMap::new();
@@ -91,9 +93,15 @@ impl Canvas {
             }
         }
         let millis = began.elapsed().as_secs_f64() * 1e3;
-        let rgb = self.renderer.radiance(&view)?.rgb;
-        let radiance = rgb.as_chunks::<3>().0.iter().map(|pixel| pixel.map(f64::from)).collect();
-        Ok(Drawing { radiance, millis, slices, longest_slice_millis: longest, counters })
+        let pixels = |rgb: Vec<f32>| -> Vec<[f64; 3]> {
+            rgb.as_chunks::<3>().0.iter().map(|pixel| pixel.map(f64::from)).collect()
+        };
+        let radiance = pixels(self.renderer.radiance(&view)?.rgb);
+        let standard_error = match scene.integrator() {
+            Integrator::PathTracer => pixels(self.renderer.standard_error(&view)?.rgb),
+            Integrator::RayCaster => vec![[0.0; 3]; radiance.len()],
+        };
+        Ok(Drawing { radiance, standard_error, millis, slices, longest_slice_millis: longest, counters })
     }
 
     /// Draws for its time: pipelines are compiled and the volume is on the device before, and of a
@@ -109,6 +117,7 @@ impl Canvas {
     ) -> Result<Drawing, RenderError> {
         let mut small = scene.clone();
         small.sampling.samples_per_pixel = 1;
+        small.paths.per_pixel = 1;
         self.draw(&small, [WARM_UP_EDGE; 2], None, patience)?;
         let began = Instant::now();
         let mut best = self.draw(scene, size, None, patience)?;

@@ -61,8 +61,15 @@ const fn rays(label: &'static str, step_voxels: f64, samples_per_pixel: u32, qui
     Setting { label, step_voxels, samples_per_pixel, patch: "", quick }
 }
 
+/// A step whose quality is the number of paths.
+const fn paths(label: &'static str, patch: &'static str, quick: bool) -> Setting {
+    Setting { label, step_voxels: 1.0, samples_per_pixel: 1, patch, quick }
+}
+
 /// Every method built.
-pub const LADDER: &[Entry] = &[Entry {
+pub const LADDER: &[Entry] = &[LOCAL_ENTRY, PATH_TRACED];
+
+const LOCAL_ENTRY: Entry = Entry {
     method: Method::Local,
     judge: LOCAL,
     settings: &[
@@ -79,7 +86,28 @@ pub const LADDER: &[Entry] = &[Entry {
     noisy: false,
     work: "samples_taken",
     truncated: |_| None,
-}];
+};
+
+const PATH_TRACED: Entry = Entry {
+    method: Method::PathTraced,
+    judge: FULL,
+    settings: &[
+        paths("4 paths", r#"{"illumination": {"paths_per_pixel": 4}}"#, false),
+        paths("16 paths", r#"{"illumination": {"paths_per_pixel": 16}}"#, true),
+        paths("64 paths", r#"{"illumination": {"paths_per_pixel": 64}}"#, false),
+        paths("256 paths", r#"{"illumination": {"paths_per_pixel": 256}}"#, true),
+        paths("1024 paths", r#"{"illumination": {"paths_per_pixel": 1024}}"#, false),
+        paths("4096 paths", r#"{"illumination": {"paths_per_pixel": 4096}}"#, false),
+    ],
+    usual: 1,
+    noisy: true,
+    work: "tentative_collisions",
+    truncated: |counters| {
+        let count = |name: &str| counters.get(name).copied().unwrap_or(0) as f64;
+        let lost = count("throughput_cut_1024ths") / 1024.0 + count("paths_not_finite");
+        (count("paths") > 0.0).then(|| lost / count("paths"))
+    },
+};
 
 impl Entry {
     /// The scene as the method draws it at a setting.

@@ -31,6 +31,11 @@ const BAND_PIXELS_SOFTWARE: u32 = 1 << 14;
 const MOST_PATHS_A_PASS: u32 = 32;
 /// Most rays of a path in a dispatch.
 const MOST_RAYS: u32 = 1 << 12;
+/// Mesa's software device leaves every loop of a shader once all of them together have made 65,535
+/// turns, for eight pixels in step: what was to be summed up in them is lost. Eight pixels take at
+/// most twice eight times these steps, and a turn for each light and ray.
+const MOST_RAYS_SOFTWARE: u32 = 64;
+const MOST_STEPS_SOFTWARE: u32 = 2048;
 /// Cells and tentative collisions for each ray, on average.
 const STEPS_A_RAY: u32 = 64;
 /// Fewest paths of a pixel whose spread tells how well the picture is known.
@@ -351,6 +356,10 @@ impl Renderer {
         let mut uniform = path_uniform(scene);
         let aim = request.budget.map_or(UNHURRIED_DISPATCH, |b| b.mul_f64(DISPATCH_SHARE_OF_BUDGET));
         let wanted_at_most = request.target.samples_per_pixel;
+        let (most_rays, most_steps) = match gpu.info().software {
+            true => (MOST_RAYS_SOFTWARE, MOST_STEPS_SOFTWARE),
+            false => (MOST_RAYS, MOST_RAYS * STEPS_A_RAY),
+        };
         while film.samples < wanted_at_most {
             if paths.estimate.is_some_and(|estimate| good_enough(scene, estimate.relative_error)) {
                 break;
@@ -368,7 +377,7 @@ impl Renderer {
             };
             (frame.first_row, frame.row_count) = (band.first_row, band.rows);
             (uniform.wanted, uniform.fresh) = (band.wanted, u32::from(!band.begun));
-            (uniform.rays, uniform.steps) = (paths.rays, paths.rays.saturating_mul(STEPS_A_RAY));
+            (uniform.rays, uniform.steps) = (paths.rays, (paths.rays * STEPS_A_RAY).min(most_steps));
             gpu.queue.write_buffer(&buffers.frame, 0, bytemuck::bytes_of(&frame));
             gpu.queue.write_buffer(&paths.uniform, 0, bytemuck::bytes_of(&uniform));
             gpu.queue.write_buffer(&buffers.counters, KEPT_COUNTER_BYTES, &[0; 4]);
@@ -378,7 +387,7 @@ impl Renderer {
             let counters = gpu.read_buffer(&buffers.counters, COUNTER_BYTES)?;
             let took = dispatch_began.elapsed();
             if took < aim / 2 {
-                paths.rays = (2 * paths.rays).min(MOST_RAYS);
+                paths.rays = (2 * paths.rays).min(most_rays);
             } else if took > aim.mul_f64(1.5) {
                 paths.rays = (paths.rays / 2).max(1);
             }

@@ -168,16 +168,15 @@ fn compare(
         outcome.fault = (brightest > BLACK).then(|| format!("{brightest:e} where nothing shines"));
         return;
     }
-    let found = difference(&drawing.radiance, &exact, &truth, &truth_error);
+    let found = difference(&drawing.radiance, &drawing.standard_error, &truth, &truth_error);
     outcome.error = Some(found);
     let Some(tolerance) = tolerance else { return };
-    let (what, error, room) = if entry.noisy {
-        // Noise of the picture is no fault, its mean is to be right.
-        let spread = spread_of_mean(&drawing.radiance, &truth);
-        ("bias", found.bias.abs(), tolerance + SIGMAS * spread)
-    } else {
-        ("relative L2", found.relative_l2, tolerance + SIGMAS * found.uncertainty)
+    // Noise of a random estimate is no fault, its mean is to be right.
+    let (what, error, uncertainty) = match entry.noisy {
+        true => ("bias", found.bias.abs(), found.bias_uncertainty),
+        false => ("relative L2", found.relative_l2, found.uncertainty),
     };
+    let room = tolerance + SIGMAS * uncertainty;
     if error.is_nan() || error > room {
         outcome.fault = Some(format!("{what} {error:.3e}, at most {room:.3e}"));
     }
@@ -185,17 +184,6 @@ fn compare(
 
 fn is_black(picture: &[[f64; 3]]) -> bool {
     picture.iter().flatten().all(|x| *x <= BLACK)
-}
-
-/// Standard error of the mean of `picture - truth` over the mean of `truth`, from its own spread.
-fn spread_of_mean(picture: &[[f64; 3]], truth: &[[f64; 3]]) -> f64 {
-    let differences: Vec<f64> =
-        picture.iter().zip(truth).map(|(a, b)| (0..3).map(|c| a[c] - b[c]).sum::<f64>()).collect();
-    let count = differences.len() as f64;
-    let mean = differences.iter().sum::<f64>() / count;
-    let variance = differences.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);
-    let light: f64 = truth.iter().flatten().sum::<f64>() / count;
-    (variance / count).sqrt() / light
 }
 
 type Reference = (reference::Estimate, String);
