@@ -145,17 +145,28 @@ fn edits() -> Vec<Edit> {
     ]
 }
 
-/// Measures a method on volumes and pictures of these edges.
+/// Measures a method on volumes and pictures of these edges; the short form takes no trouble over times.
 ///
 /// # Errors
 /// A picture that cannot be drawn.
-pub fn measure(canvas: &mut Canvas, entry: &Entry, voxels: usize, pixels: u32) -> anyhow::Result<Vec<Row>> {
+pub fn measure(
+    canvas: &mut Canvas,
+    entry: &Entry,
+    voxels: usize,
+    pixels: u32,
+    quick: bool,
+) -> anyhow::Result<Vec<Row>> {
     let mut rows = Vec::new();
     for kind in kinds() {
         let loaded = load(kind.scene, voxels)?;
         let mut draw = |patch: &Value| {
             let scene = patched(entry, &loaded, &[patch])?;
-            canvas.time(&scene, [pixels; 2], PATIENCE).map_err(anyhow::Error::from)
+            let drawing = if quick {
+                canvas.draw(&scene, [pixels; 2], None, PATIENCE)
+            } else {
+                canvas.time(&scene, [pixels; 2], PATIENCE)
+            };
+            drawing.map_err(anyhow::Error::from)
         };
         let (done, left_out) = (draw(&kind.done)?, draw(&kind.left_out)?);
         let count = |counters: &std::collections::BTreeMap<String, u64>| counters.get(entry.work).copied();

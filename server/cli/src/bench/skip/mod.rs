@@ -19,7 +19,7 @@ use super::report::{Table, columns, rounded};
 const VOXELS: usize = 96;
 const PIXELS: u32 = 256;
 const VOXELS_QUICK: usize = 32;
-const PIXELS_QUICK: u32 = 64;
+const PIXELS_QUICK: u32 = 32;
 /// How far two random estimates of a mean may lie apart.
 const MEAN_TOLERANCE: f64 = 0.03;
 
@@ -127,7 +127,7 @@ pub fn run(scenes: &[Builtin], quick: bool, out: &Path) -> anyhow::Result<()> {
         }
     };
     for entry in LADDER {
-        let rows = kinds::measure(&mut canvas, entry, voxels, pixels)?;
+        let rows = kinds::measure(&mut canvas, entry, voxels, pixels, quick)?;
         note(&mut table, entry.method.name(), rows);
     }
     // The service draws with a device of its own.
