@@ -12,7 +12,7 @@ use scene::{EnvironmentImages, Scene, Snapshot};
 use serde_json::{Value, json};
 
 use super::{Row, Same};
-use crate::bench::drawing::Canvas;
+use crate::bench::drawing::{Canvas, Drawing};
 use crate::bench::methods::Entry;
 use crate::bench::scenes::{Loaded, prepared};
 
@@ -145,17 +145,28 @@ fn edits() -> Vec<Edit> {
     ]
 }
 
-/// Measures a method on volumes and pictures of these edges.
+/// Measures a method on volumes and pictures of these edges; the short form takes no trouble over times.
 ///
 /// # Errors
 /// A picture that cannot be drawn.
-pub fn measure(canvas: &mut Canvas, entry: &Entry, voxels: usize, pixels: u32) -> anyhow::Result<Vec<Row>> {
+pub fn measure(
+    canvas: &mut Canvas,
+    entry: &Entry,
+    voxels: usize,
+    pixels: u32,
+    quick: bool,
+) -> anyhow::Result<Vec<Row>> {
     let mut rows = Vec::new();
     for kind in kinds() {
         let loaded = load(kind.scene, voxels)?;
         let mut draw = |patch: &Value| {
             let scene = patched(entry, &loaded, &[patch])?;
-            canvas.time(&scene, [pixels; 2], PATIENCE).map_err(anyhow::Error::from)
+            let drawing = if quick {
+                canvas.draw(&scene, [pixels; 2], None, PATIENCE)
+            } else {
+                canvas.time(&scene, [pixels; 2], PATIENCE)
+            };
+            drawing.map_err(anyhow::Error::from)
         };
         let (done, left_out) = (draw(&kind.done)?, draw(&kind.left_out)?);
         let count = |counters: &std::collections::BTreeMap<String, u64>| counters.get(entry.work).copied();
@@ -169,6 +180,7 @@ pub fn measure(canvas: &mut Canvas, entry: &Entry, voxels: usize, pixels: u32) -
             // Random estimates with other features draw other numbers.
             same: if entry.noisy && kind.same != Same::Bits { Same::OnAverage } else { kind.same },
             mean_ratio: mean_ratio(&done.radiance, &left_out.radiance),
+            mean_uncertainty: mean_error(&done).hypot(mean_error(&left_out)),
         });
     }
     let local = entry.judge.transport == reference::Transport::Local;
@@ -189,7 +201,7 @@ fn after_edit(
     let loaded = load(Builtin::SmokePlume, voxels)?;
     let before = Arc::new(Snapshot { epoch: 1, scene: patched(entry, &loaded, &[&edit.base])? });
     let after = Arc::new(Snapshot { epoch: 2, scene: patched(entry, &loaded, &[&edit.base, &edit.edit])? });
-    let samples_per_pixel = after.scene.sampling.samples_per_pixel;
+    let samples_per_pixel = after.scene.samples_at_rest();
     let target = Target { width: pixels, height: pixels, samples_per_pixel };
     let mut view = View::new();
     let mut draw = |view: &mut View, snapshot: &Arc<Snapshot>| -> anyhow::Result<(Drawn, f64)> {
@@ -216,6 +228,7 @@ fn after_edit(
         difference: largest_difference(&a, &b),
         same: Same::Bits,
         mean_ratio: mean_ratio(&a, &b),
+        mean_uncertainty: 0.0,
     })
 }
 
@@ -235,6 +248,13 @@ fn largest_difference(a: &[[f64; 3]], b: &[[f64; 3]]) -> f64 {
     let largest = a.iter().flatten().fold(f64::MIN_POSITIVE, |largest, x| largest.max(*x));
     let differences = a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| (a - b).abs());
     differences.fold(0.0, f64::max) / largest
+}
+
+/// Standard error of a picture's mean over it. The channels of a pixel share their random numbers.
+fn mean_error(drawing: &Drawing) -> f64 {
+    let variance: f64 = drawing.standard_error.iter().map(|e| e.iter().sum::<f64>().powi(2)).sum();
+    let light: f64 = drawing.radiance.iter().flatten().sum();
+    if light > 0.0 { variance.sqrt() / light } else { 0.0 }
 }
 
 fn mean_ratio(a: &[[f64; 3]], b: &[[f64; 3]]) -> f64 {

@@ -19,9 +19,9 @@ use super::report::{Table, columns, rounded};
 const VOXELS: usize = 96;
 const PIXELS: u32 = 256;
 const VOXELS_QUICK: usize = 32;
-const PIXELS_QUICK: u32 = 64;
-/// How far two random estimates of a mean may lie apart.
-const MEAN_TOLERANCE: f64 = 0.03;
+const PIXELS_QUICK: u32 = 32;
+/// Standard errors by which means of random estimates may differ.
+const SIGMAS: f64 = 4.0;
 
 /// How alike two pictures have to be.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -47,6 +47,8 @@ struct Row {
     same: Same,
     /// Mean of the second picture over that of the first.
     mean_ratio: f64,
+    /// Standard error of `mean_ratio`; 0 where the pictures are no random estimates.
+    mean_uncertainty: f64,
 }
 
 impl Row {
@@ -54,7 +56,7 @@ impl Row {
         match self.same {
             Same::Bits => self.difference == 0.0,
             Same::Within(tolerance) => self.difference <= tolerance,
-            Same::OnAverage => (self.mean_ratio - 1.0).abs() <= MEAN_TOLERANCE,
+            Same::OnAverage => (self.mean_ratio - 1.0).abs() <= SIGMAS * self.mean_uncertainty,
         }
     }
 
@@ -127,7 +129,7 @@ pub fn run(scenes: &[Builtin], quick: bool, out: &Path) -> anyhow::Result<()> {
         }
     };
     for entry in LADDER {
-        let rows = kinds::measure(&mut canvas, entry, voxels, pixels)?;
+        let rows = kinds::measure(&mut canvas, entry, voxels, pixels, quick)?;
         note(&mut table, entry.method.name(), rows);
     }
     // The service draws with a device of its own.
@@ -146,9 +148,19 @@ mod tests {
 
     #[test]
     fn different_pictures_and_more_work_are_wrong() {
+        let mean_uncertainty = 0.01;
         let row = |work, difference, same, mean_ratio| {
-            let row =
-                Row { kind: "", how: "", unit: "", work, millis: [0.0; 2], difference, same, mean_ratio };
+            let row = Row {
+                kind: "",
+                how: "",
+                unit: "",
+                work,
+                millis: [0.0; 2],
+                difference,
+                same,
+                mean_ratio,
+                mean_uncertainty,
+            };
             row.is_same() && row.is_cheaper()
         };
         assert!(row([5, 5], 0.0, Same::Bits, 1.0));

@@ -75,6 +75,7 @@ async fn watch(served: &Served) -> anyhow::Result<Vec<Row>> {
         difference,
         same: Same::Bits,
         mean_ratio: 1.0,
+        mean_uncertainty: 0.0,
     };
     Ok(vec![
         row("unchanged scene, service", "20 edits within a second, and 1.5 s without any", &seen, &unchanged),
