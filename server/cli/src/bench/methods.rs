@@ -97,7 +97,6 @@ const PATH_TRACED: Entry = Entry {
         paths("64 paths", r#"{"illumination": {"paths_per_pixel": 64}}"#, false),
         paths("256 paths", r#"{"illumination": {"paths_per_pixel": 256}}"#, true),
         paths("1024 paths", r#"{"illumination": {"paths_per_pixel": 1024}}"#, false),
-        paths("4096 paths", r#"{"illumination": {"paths_per_pixel": 4096}}"#, false),
     ],
     usual: 1,
     noisy: true,

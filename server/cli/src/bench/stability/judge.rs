@@ -25,8 +25,6 @@ pub const REFERENCE_TIME: Duration = Duration::from_millis(1200);
 pub const REFERENCE_TIME_QUICK: Duration = Duration::from_millis(300);
 /// Standard errors by which a picture may differ from what it should be.
 const SIGMAS: f64 = 4.0;
-/// Pixels from whose spread the noise of their mean can be told; a noisy picture of fewer is not judged.
-const FEWEST_PIXELS: usize = 16;
 /// Radiance below this share of the brightest thing in sight is black.
 const BLACK: f64 = 1e-12;
 
