@@ -256,7 +256,7 @@ fn narrow_lobes_have_their_distribution() {
     const BINS: usize = 32;
     for g in [0.999_f64, -0.999, 0.99, 0.9] {
         let tested = material(json!({"phase": {"type": "henyey_greenstein", "g": g}}));
-        let ahead = -W_O.as_vec3().as_dvec3() * f64::from(g).signum();
+        let ahead = -W_O.as_vec3().as_dvec3() * g.signum();
         let m = g.abs();
         let mut counts = [0.0; BINS];
         for [x, y, z, _] in tested.run("sample_directions", SAMPLES, &[]) {
