@@ -13,7 +13,7 @@ use crate::environment::Environment;
 use crate::light::Source;
 use crate::random::Random;
 use crate::region::Ray;
-use crate::statistics::chi_square_p;
+use crate::statistics::chi_square_of_counts;
 use crate::{brdf, phase};
 
 const SAMPLES: u32 = 100_000;
@@ -22,8 +22,6 @@ const CELLS: [usize; 2] = [12, 16];
 /// Points along each axis of a cell: for smooth densities, and for those with edges.
 const SMOOTH: usize = 32;
 const EDGES: usize = 160;
-/// Cells that expect fewer samples are joined.
-const FEWEST: f64 = 10.0;
 /// A right sampler fails one test in a thousand; seeds are fixed.
 const LEVEL: f64 = 1e-3;
 
@@ -56,24 +54,7 @@ fn p_of(points: usize, sample: impl Fn(&mut Random) -> Option<DVec3>, pdf: impl 
     }
     let inside: f64 = expected.iter().sum();
     expected[cells] = (f64::from(SAMPLES) - inside).max(0.0);
-    let (mut rest, mut rest_expected) = (0.0, 0.0);
-    let (mut sum, mut degrees) = (0.0, -1.0);
-    for (count, expected) in counts.iter().zip(&expected) {
-        if *expected < FEWEST {
-            rest += count;
-            rest_expected += expected;
-        } else {
-            sum += (count - expected).powi(2) / expected;
-            degrees += 1.0;
-        }
-    }
-    if rest_expected >= FEWEST {
-        sum += (rest - rest_expected).powi(2) / rest_expected;
-        degrees += 1.0;
-    } else if rest > rest_expected + 8.0 * (rest_expected + 1.0).sqrt() {
-        return 0.0;
-    }
-    chi_square_p(sum, degrees)
+    chi_square_of_counts(&counts, &expected)
 }
 
 fn assert_samples(

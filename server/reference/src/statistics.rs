@@ -180,6 +180,32 @@ pub fn chi_square_p(x: f64, degrees: f64) -> f64 {
     upper_gamma(0.5 * degrees, 0.5 * x)
 }
 
+/// Outcomes that expect fewer counts than this are taken together.
+const FEWEST_EXPECTED: f64 = 10.0;
+
+/// Probability of counts as far from the expected ones, or farther, if those are right; 0 if there are
+/// many where next to none are expected. Both have the same sum.
+pub fn chi_square_of_counts(counts: &[f64], expected: &[f64]) -> f64 {
+    let (mut rest, mut rest_expected) = (0.0, 0.0);
+    let (mut sum, mut degrees) = (0.0, -1.0);
+    for (count, expected) in counts.iter().zip(expected) {
+        if *expected < FEWEST_EXPECTED {
+            rest += count;
+            rest_expected += expected;
+        } else {
+            sum += (count - expected).powi(2) / expected;
+            degrees += 1.0;
+        }
+    }
+    if rest_expected >= FEWEST_EXPECTED {
+        sum += (rest - rest_expected).powi(2) / rest_expected;
+        degrees += 1.0;
+    } else if rest > rest_expected + 8.0 * (rest_expected + 1.0).sqrt() {
+        return 0.0;
+    }
+    chi_square_p(sum, degrees)
+}
+
 /// The regularised upper incomplete gamma function: by its series below the mean, by its
 /// continued fraction (Lentz's method) above.
 fn upper_gamma(a: f64, x: f64) -> f64 {

@@ -6,7 +6,7 @@ use std::sync::{Arc, OnceLock};
 
 use glam::{DMat3, DVec3};
 use proto::SceneFile;
-use reference::statistics::chi_square_p;
+use reference::statistics::chi_square_of_counts;
 use scene::{EnvironmentImage, EnvironmentImages, Scene, Volume, Voxels};
 use serde_json::{Value, json};
 
@@ -21,8 +21,6 @@ const CELLS: [usize; 2] = [12, 16];
 /// for those with edges.
 const SMOOTH: usize = 24;
 const EDGES: usize = 96;
-/// Cells that expect fewer samples are joined.
-const FEWEST: f64 = 10.0;
 /// A right sampler fails one test in a thousand; random numbers are fixed.
 const LEVEL: f64 = 1e-3;
 /// Towards the eye, in the shader.
@@ -156,7 +154,7 @@ impl Tested {
         }
         let inside: f64 = expected.iter().sum();
         expected[cells] = (SAMPLES as f64 - inside).max(0.0);
-        chi_square(&counts, &expected)
+        chi_square_of_counts(&counts, &expected)
     }
 }
 
@@ -188,27 +186,6 @@ fn cell_of(w: DVec3) -> usize {
     let ring = ((0.5 * (w.z + 1.0) * CELLS[0] as f64) as usize).min(CELLS[0] - 1);
     let turn = w.y.atan2(w.x).rem_euclid(2.0 * PI) / (2.0 * PI);
     ring * CELLS[1] + ((turn * CELLS[1] as f64) as usize).min(CELLS[1] - 1)
-}
-
-fn chi_square(counts: &[f64], expected: &[f64]) -> f64 {
-    let (mut rest, mut rest_expected) = (0.0, 0.0);
-    let (mut sum, mut degrees) = (0.0, -1.0);
-    for (count, expected) in counts.iter().zip(expected) {
-        if *expected < FEWEST {
-            rest += count;
-            rest_expected += expected;
-        } else {
-            sum += (count - expected).powi(2) / expected;
-            degrees += 1.0;
-        }
-    }
-    if rest_expected >= FEWEST {
-        sum += (rest - rest_expected).powi(2) / rest_expected;
-        degrees += 1.0;
-    } else if rest > rest_expected + 8.0 * (rest_expected + 1.0).sqrt() {
-        return 0.0;
-    }
-    chi_square_p(sum, degrees)
 }
 
 const DIRECTIONS: [&str; 2] = ["sample_directions", "direction_densities"];
@@ -267,7 +244,7 @@ fn narrow_lobes_have_their_distribution() {
             let share = 1.0 - (1.0 - m) * (1.0 + m - root) / (2.0 * m * root);
             counts[((share * BINS as f64) as usize).min(BINS - 1)] += 1.0;
         }
-        let p = chi_square(&counts, &[SAMPLES as f64 / BINS as f64; BINS]);
+        let p = chi_square_of_counts(&counts, &[SAMPLES as f64 / BINS as f64; BINS]);
         assert!(p > LEVEL, "g = {g}: p = {p}, {counts:?}");
     }
 }
@@ -315,5 +292,5 @@ fn wrong_densities_are_noticed() {
         }
         counts
     };
-    assert!(chi_square(&counts(&narrow), &counts(&wide)) < 1e-9);
+    assert!(chi_square_of_counts(&counts(&narrow), &counts(&wide)) < 1e-9);
 }

@@ -25,6 +25,8 @@ pub const REFERENCE_TIME: Duration = Duration::from_millis(1200);
 pub const REFERENCE_TIME_QUICK: Duration = Duration::from_millis(300);
 /// Standard errors by which a picture may differ from what it should be.
 const SIGMAS: f64 = 4.0;
+/// A random estimate of fewer pixels is not judged: its paths are too few for a normal mean.
+const FEWEST_PIXELS: usize = 16;
 /// Radiance below this share of the brightest thing in sight is black.
 const BLACK: f64 = 1e-12;
 
@@ -171,6 +173,10 @@ fn compare(
     let found = difference(&drawing.radiance, &drawing.standard_error, &truth, &truth_error);
     outcome.error = Some(found);
     let Some(tolerance) = tolerance else { return };
+    if entry.noisy && drawing.radiance.len() < FEWEST_PIXELS {
+        outcome.note += "; stated, not judged: few paths";
+        return;
+    }
     // Noise of a random estimate is no fault, its mean is to be right.
     let (what, error, uncertainty) = match entry.noisy {
         true => ("bias", found.bias.abs(), found.bias_uncertainty),
