@@ -27,10 +27,13 @@ pub struct PathVariant {
 impl PathVariant {
     /// The cheapest variant that draws the scene.
     pub fn of(scene: &Scene) -> Self {
+        let points = &scene.transfer_function.points;
+        // Matter that glows lights surfaces, too, where there is no light.
+        let surfaces = points.iter().any(|point| scene.materials[point.material].surface > 0.0);
         Self {
             nearest: scene.filter == Filter::Nearest,
             environment_image: scene::plan::environment(scene).is_some(),
-            features: Features::of(scene),
+            features: Features { surfaces, ..Features::of(scene) },
         }
     }
 }

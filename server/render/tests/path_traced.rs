@@ -99,6 +99,13 @@ fn scenes() -> Vec<(&'static str, Scene)> {
     let surface = |brdf: Value, weight: f64| json!({"m": {"surface": weight, "brdf": brdf}, "n": {"surface": 1, "brdf": brdf}});
     vec![
         ("directional", of(json!({}))),
+        (
+            "glow alone on surfaces",
+            of(json!({"lights": [],
+                "materials": {"m": {"surface": 1, "brdf": {"type": "lambert", "diffuse": 0.9}}},
+                "transfer_function": {"points": [{"s": 0.45, "extinction": 0, "material": "m"},
+                    {"s": 0.7, "extinction": 20, "albedo": [0.9, 0.6, 0.3], "emission": [2, 1, 0.2], "material": "m"}]}})),
+        ),
         ("single scattering", of(json!({"scattering": {"orders": 1}}))),
         (
             "two orders, point",

@@ -198,6 +198,10 @@ fn other_edits_are_those_of_a_fresh_picture() {
     let patches = [
         json!({}),
         json!({"scattering": {"orders": 1}}),
+        // A path's last ray finds what begins to glow.
+        json!({"scattering": {"orders": 1}, "transfer_function": {"points": [{"s": 0.1, "extinction": 0},
+            {"s": 0.3, "extinction": 20, "material": "m"}, {"s": 0.45, "extinction": 5},
+            {"s": 0.8, "extinction": 60, "emission": [9, 9, 9]}]}}),
         json!({"clip": {"box": [[0, 0, 0], [1, 1, 0.5]], "shadows": true}}),
         json!({"clip": {"box": [[0, 0, 0], [1, 1, 0.5]], "shadows": false}}),
         image(1.0),

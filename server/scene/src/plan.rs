@@ -387,6 +387,8 @@ fn draw_film(caches: &Caches<'_>, scene: &Scene, target: Target) -> Result<(Stri
         let bins = bins_alone_changed(film.scene, scene);
         if let (Integrator::PathTracer, true, Some(bins)) = (scene.integrator(), same_size, bins)
             && film.scene.background == scene.background
+            // Whether it is worth following a path's last ray.
+            && film.scene.glows() == scene.glows()
         {
             let reason = format!("tiles whose paths met it: {}", reasons.join(", "));
             let stale = caches.tiles.iter().filter(|met| *met & bins != 0).count();

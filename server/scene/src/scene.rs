@@ -209,6 +209,11 @@ impl Scene {
         }
     }
 
+    /// Whether any of its matter may emit light.
+    pub fn glows(&self) -> bool {
+        self.transfer_function.points.iter().any(|point| point.emission.max_element() > 0.0)
+    }
+
     /// Bins in which matter can occur.
     pub fn bins_with_matter(&self) -> u64 {
         self.classification().bins_with_matter(&self.volume.bins)

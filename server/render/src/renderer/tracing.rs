@@ -503,7 +503,6 @@ fn path_uniform(scene: &Scene) -> uniforms::PathTracer {
         use LightGeometry::{Directional, Point, Spot};
         !matches!(light.geometry, Directional { .. } | Point { .. } | Spot { .. })
     };
-    let glows = scene.transfer_function.points.iter().any(|point| point.emission.max_element() > 0.0);
     uniforms::PathTracer {
         map_x: tables::vector(map.x_axis),
         map_y: tables::vector(map.y_axis),
@@ -516,7 +515,7 @@ fn path_uniform(scene: &Scene) -> uniforms::PathTracer {
         },
         longest: scene.paths.longest,
         clip_shadows: u32::from(scene.clip.shadows),
-        last_ray_matters: u32::from(glows || scene.lights.iter().any(has_extent)),
+        last_ray_matters: u32::from(scene.glows() || scene.lights.iter().any(has_extent)),
         ..uniforms::PathTracer::default()
     }
 }
