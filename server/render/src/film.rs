@@ -59,15 +59,12 @@ impl ToneMapper {
             layout: &self.pipeline.get_bind_group_layout(0),
             entries: &[buffer_entry(0, &self.uniform), buffer_entry(1, film), buffer_entry(2, picture)],
         });
-        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        {
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-            pass.set_pipeline(&self.pipeline);
-            pass.set_bind_group(0, &bind_group, &[]);
-            let groups = pixel_count.div_ceil(WORKGROUP);
-            let columns = groups.min(MAX_WORKGROUPS);
-            pass.dispatch_workgroups(columns, groups.div_ceil(columns), 1);
-        }
-        gpu.queue.submit([encoder.finish()]);
+        gpu.dispatch(&self.pipeline, &bind_group, in_a_row(pixel_count.div_ceil(WORKGROUP)));
     }
+}
+
+/// Workgroups along x and y that together are at least as many as given, the last row incomplete.
+pub(crate) fn in_a_row(groups: u32) -> [u32; 2] {
+    let columns = groups.min(MAX_WORKGROUPS);
+    [columns, groups.div_ceil(columns)]
 }

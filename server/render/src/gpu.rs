@@ -163,6 +163,23 @@ impl Gpu {
         }
     }
 
+    /// Submits one dispatch of a compute pipeline: workgroups along x and y.
+    pub(crate) fn dispatch(
+        &self,
+        pipeline: &wgpu::ComputePipeline,
+        bind_group: &wgpu::BindGroup,
+        [columns, rows]: [u32; 2],
+    ) {
+        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        {
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, bind_group, &[]);
+            pass.dispatch_workgroups(columns, rows, 1);
+        }
+        self.queue.submit([encoder.finish()]);
+    }
+
     /// A storage or uniform buffer.
     pub(crate) fn buffer(
         &self,

@@ -32,7 +32,7 @@ impl PathVariant {
         let surfaces = points.iter().any(|point| scene.materials[point.material].surface > 0.0);
         Self {
             nearest: scene.filter == Filter::Nearest,
-            environment_image: scene::plan::environment(scene).is_some(),
+            environment_image: scene.environment_image().is_some(),
             features: Features { surfaces, ..Features::of(scene) },
         }
     }

@@ -96,8 +96,8 @@ impl Tested {
         let out = buffer(&vec![0; count * 16], wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC);
         let places: Vec<[f32; 4]> = places.iter().map(|w| w.as_vec3().extend(0.0).to_array()).collect();
         let places = buffer(bytemuck::cast_slice(&places), wgpu::BufferUsages::STORAGE);
-        let (radiance, draws) = match scene::plan::environment(&self.scene) {
-            Some(image) => (environment_map::radiance(image), environment_map::draws(image)),
+        let (radiance, draws) = match self.scene.environment_image() {
+            Some((image, _)) => (environment_map::radiance(image), environment_map::draws(image)),
             None => (vec![[0.0; 4]; 48], vec![[0.0; 4]; 48]),
         };
         let (radiance, draws) = (texture(&gpu, &radiance), texture(&gpu, &draws));
@@ -117,14 +117,7 @@ impl Tested {
             layout: &pipeline.get_bind_group_layout(0),
             entries: &entries,
         });
-        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        {
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-            pass.set_pipeline(&pipeline);
-            pass.set_bind_group(0, &bind_group, &[]);
-            pass.dispatch_workgroups(count as u32 / 64, 1, 1);
-        }
-        gpu.queue.submit([encoder.finish()]);
+        gpu.dispatch(&pipeline, &bind_group, [count as u32 / 64, 1]);
         bytemuck::pod_collect_to_vec(&gpu.read_buffer(&out, count as u64 * 16).unwrap())
     }
 

@@ -3,15 +3,11 @@
 //! A plain value, computed without a GPU from what each cache was computed from and the newest
 //! scene. "Skip what a scene doesn't need" lives here and nowhere else.
 
-use std::sync::Arc;
-
 use proto::plan::PassReport;
 
 use crate::changes::Changes;
-use crate::environment::EnvironmentImage;
-use crate::light::LightGeometry;
 use crate::rendering::Rendering;
-use crate::scene::{Background, Integrator, Scene};
+use crate::scene::{Integrator, Scene};
 
 /// The passes of a frame, in the order they run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -240,11 +236,11 @@ impl Plan {
             scene.lights.len() as u64,
             "lights",
         );
-        let image = environment(scene);
+        let image = scene.environment_image();
         plan(
             Pass::UploadEnvironment,
             paths_only(tables_needed(upload_environment(caches.environment, scene))),
-            image.map_or(0, |image| image.texels().len() as u64),
+            image.map_or(0, |(image, _)| image.texels().len() as u64),
             "texels",
         );
         let segments = match film {
@@ -349,20 +345,9 @@ fn majorants(cached: Option<&Scene>, scene: &Scene) -> Verdict {
     }
 }
 
-/// The scene's environment image: a light, or what lies behind the volume.
-pub fn environment(scene: &Scene) -> Option<&Arc<EnvironmentImage>> {
-    let light = scene.lights.iter().find_map(|light| match &light.geometry {
-        LightGeometry::Environment { image, .. } => Some(image),
-        _ => None,
-    });
-    match &scene.background {
-        Background::Image { image, .. } => light.or(Some(image)),
-        Background::Color(_) => light,
-    }
-}
-
 fn upload_environment(cached: Option<&Scene>, scene: &Scene) -> Verdict {
-    match (cached.map(environment), environment(scene)) {
+    let image = |scene: &Scene| scene.environment_image().map(|(image, _)| image.content());
+    match (cached.map(image), image(scene)) {
         (None, None) | (Some(None), None) => Err("no environment image".into()),
         (Some(Some(old)), Some(new)) if old == new => Err("same environment image".into()),
         (Some(Some(_)), None) => Err("no environment image any more".into()),

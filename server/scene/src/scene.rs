@@ -209,6 +209,15 @@ impl Scene {
         }
     }
 
+    /// The image of the environment light, if it has one, and its rotation. It is what lies behind the
+    /// volume, too, where `background` shows an image.
+    pub fn environment_image(&self) -> Option<(&Arc<EnvironmentImage>, DMat3)> {
+        self.lights.iter().find_map(|light| match &light.geometry {
+            LightGeometry::Environment { image, world_from_map } => Some((image, *world_from_map)),
+            _ => None,
+        })
+    }
+
     /// Whether any of its matter may emit light.
     pub fn glows(&self) -> bool {
         self.transfer_function.points.iter().any(|point| point.emission.max_element() > 0.0)

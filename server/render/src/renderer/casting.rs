@@ -95,18 +95,8 @@ impl Renderer {
             let gpu = &self.gpu;
             gpu.queue.write_buffer(&buffers.frame, 0, bytemuck::bytes_of(&uniform));
             let slice_began = Instant::now();
-            let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-            {
-                let mut dispatch = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-                dispatch.set_pipeline(&current.pipeline);
-                dispatch.set_bind_group(0, &current.bind_group, &[]);
-                dispatch.dispatch_workgroups(
-                    film.width.div_ceil(WORKGROUP_EDGE),
-                    rows.div_ceil(WORKGROUP_EDGE),
-                    1,
-                );
-            }
-            gpu.queue.submit([encoder.finish()]);
+            let groups = [film.width, rows].map(|pixels| pixels.div_ceil(WORKGROUP_EDGE));
+            gpu.dispatch(&current.pipeline, &current.bind_group, groups);
             gpu.wait()?;
             let megasamples = f64::from(film.width) * f64::from(rows) / 1e6;
             view.millis_per_megasample = slice_began.elapsed().as_secs_f64() * 1e3 / megasamples;

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use glam::DMat3;
+use glam::{DMat3, DVec3};
 use proto::scene_file::Orders;
 use scene::light::LightGeometry;
 use scene::plan::{Target, good_enough};
@@ -12,6 +12,7 @@ use scene::{Background, Majorants, Scene};
 use super::{DrawRequest, Radiance, Renderer};
 use crate::environment_map;
 use crate::error::RenderError;
+use crate::film::in_a_row;
 use crate::frame::frame_uniform;
 use crate::gpu::{buffer_entry, texture_entry};
 use crate::path_tracer::{ERROR_BLOCK, PathVariant, TILE_EDGE};
@@ -150,7 +151,7 @@ impl Renderer {
 
     /// The environment image and the table its directions are drawn with; a black texel without one.
     pub(super) fn environment_tables(&self, scene: &Scene) -> Result<EnvironmentTables, RenderError> {
-        let Some(image) = scene::plan::environment(scene) else {
+        let Some((image, _)) = scene.environment_image() else {
             return Ok(EnvironmentTables {
                 radiance: self.table("no environment", &[[0.0; 4]], [1, 1])?,
                 draws: self.table("no environment", &[[0.0; 4]], [1, 1])?,
@@ -189,6 +190,7 @@ impl Renderer {
         paths.strips.fill(0);
         (paths.band, paths.estimate, paths.tiles_kept) = (None, None, None);
         (paths.cut, paths.traced) = (0.0, 0.0);
+        paths.tile_bins.clear();
         Ok(())
     }
 
@@ -257,7 +259,7 @@ impl Renderer {
             buffer_entry(2, &paths.spreads),
             buffer_entry(3, &paths.tiles),
         ];
-        self.dispatch(pipeline, &entries, [across as u32, paths.strips.len() as u32]);
+        self.dispatch_with(pipeline, &entries, [across as u32, paths.strips.len() as u32]);
         Ok(())
     }
 
@@ -269,11 +271,11 @@ impl Renderer {
     }
 
     /// One dispatch of a pipeline with a layout of its own.
-    fn dispatch(
+    fn dispatch_with(
         &self,
         pipeline: &wgpu::ComputePipeline,
         entries: &[wgpu::BindGroupEntry<'_>],
-        [x, y]: [u32; 2],
+        groups: [u32; 2],
     ) {
         let device = &self.gpu.device;
         let bind_group = device.create_bind_group(&wgpu::BindGroupDescriptor {
@@ -281,23 +283,7 @@ impl Renderer {
             layout: &pipeline.get_bind_group_layout(0),
             entries,
         });
-        self.dispatch_bound(pipeline, &bind_group, [x, y]);
-    }
-
-    fn dispatch_bound(
-        &self,
-        pipeline: &wgpu::ComputePipeline,
-        bind_group: &wgpu::BindGroup,
-        [x, y]: [u32; 2],
-    ) {
-        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        {
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-            pass.set_pipeline(pipeline);
-            pass.set_bind_group(0, bind_group, &[]);
-            pass.dispatch_workgroups(x, y, 1);
-        }
-        self.gpu.queue.submit([encoder.finish()]);
+        self.gpu.dispatch(pipeline, &bind_group, groups);
     }
 
     /// Follows paths until the target, the error or the budget is reached. The counters of the call
@@ -383,7 +369,7 @@ impl Renderer {
             gpu.queue.write_buffer(&buffers.counters, KEPT_COUNTER_BYTES, &[0; 4]);
             let dispatch_began = Instant::now();
             let groups = [paths.width.div_ceil(TILE_EDGE), band.rows.div_ceil(TILE_EDGE)];
-            self.dispatch_bound(&pipeline, &bind_group, groups);
+            gpu.dispatch(&pipeline, &bind_group, groups);
             let counters = gpu.read_buffer(&buffers.counters, COUNTER_BYTES)?;
             let took = dispatch_began.elapsed();
             if took < aim / 2 {
@@ -437,8 +423,7 @@ impl Renderer {
             buffer_entry(2, &paths.spreads),
             buffer_entry(3, &paths.sums),
         ];
-        let columns = blocks.min(wgpu::Limits::default().max_compute_workgroups_per_dimension);
-        self.dispatch(&self.path_tracer.error, &entries, [columns, blocks.div_ceil(columns)]);
+        self.dispatch_with(&self.path_tracer.error, &entries, in_a_row(blocks));
         let bytes = self.gpu.read_buffer(&paths.sums, u64::from(blocks) * 8)?;
         let sums: Vec<[f32; 2]> = bytemuck::pod_collect_to_vec(&bytes);
         let total = |which: usize| sums.iter().map(|sum| f64::from(sum[which])).sum::<f64>();
@@ -490,15 +475,11 @@ fn halves(bins: u64) -> [u32; 2] {
 
 /// What does not change between the dispatches of a scene.
 fn path_uniform(scene: &Scene) -> uniforms::PathTracer {
-    let image = scene.lights.iter().find_map(|light| match &light.geometry {
-        LightGeometry::Environment { world_from_map, .. } => Some(*world_from_map),
-        _ => None,
-    });
-    let (map, backdrop) = match &scene.background {
-        Background::Image { world_from_map, scale, .. } => (Some(*world_from_map), Some(*scale)),
-        Background::Color(_) => (image, None),
+    let map = scene.environment_image().map_or(DMat3::IDENTITY, |(_, world_from_map)| world_from_map);
+    let backdrop = match &scene.background {
+        Background::Image { scale, .. } => *scale,
+        Background::Color(_) => DVec3::ZERO,
     };
-    let map = map.unwrap_or(DMat3::IDENTITY);
     let has_extent = |light: &scene::Light| {
         use LightGeometry::{Directional, Point, Spot};
         !matches!(light.geometry, Directional { .. } | Point { .. } | Spot { .. })
@@ -507,7 +488,7 @@ fn path_uniform(scene: &Scene) -> uniforms::PathTracer {
         map_x: tables::vector(map.x_axis),
         map_y: tables::vector(map.y_axis),
         map_z: tables::vector(map.z_axis),
-        backdrop: backdrop.map_or([0.0; 3], tables::vector),
+        backdrop: tables::vector(backdrop),
         source_count: scene.lights.len() as u32,
         orders: match scene.orders {
             Orders::All => u32::MAX,
