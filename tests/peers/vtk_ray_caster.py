@@ -6,7 +6,8 @@
 Not part of the test suite. Every cell is measured on both sides in turns, FRAMES times, and the median is
 kept; a frame includes reading the picture back. VTK works on all cores of the CPU
 (vtkFixedPointVolumeRayCastMapper, 16-bit); Tyndall on whatever device `tyndall doctor` names. Both take
-one sample per pixel, rays of one voxel's step. The third volume is a CT scan from the shared test data
+one sample per pixel, rays of one voxel's step. A second table has both at shorter steps, with the error
+of each against its own picture at FINE_STEP: what a time buys. The third volume is a CT scan from the shared test data
 (TYNDALL_TEST_DATA, default ../shared/data); without it, it is left out, and this is said.
 """
 
@@ -30,6 +31,9 @@ from vtk.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 SIZE = 512
 FRAMES = 7
+# Voxels; the finest is what the others are held against.
+STEPS = (1.0, 0.5, 0.25, 0.125)
+FINE_STEP = 0.0625
 
 
 def read_nrrd(path):
@@ -212,6 +216,9 @@ class Vtk:
         self.window.GetRGBACharPixelData(0, 0, SIZE - 1, SIZE - 1, 0, pixels)
         return vtk_to_numpy(pixels).reshape(SIZE, SIZE, 4)[::-1, :, :3]
 
+    def set_step(self, step):
+        self.mapper.SetSampleDistance(self.voxel * step)
+
     def timed(self, change):
         times = []
         self.frame()
@@ -230,13 +237,42 @@ class Vtk:
         return self.timed(lambda i: self.set_points(edited(points, 1 - 0.02 * (1 + i))))
 
 
+def relative_error(picture, fine):
+    """Relative L2 difference of two pictures' pixel values."""
+    picture, fine = np.asarray(picture, float), np.asarray(fine, float)
+    return float(np.linalg.norm(picture - fine) / np.linalg.norm(fine))
+
+
+def against_error(case, shaded, ours, folder):
+    """[who, step, milliseconds of a camera edit, error against the own picture at FINE_STEP] of both."""
+    scene = prepared(case.scene, shaded)
+    peer = Vtk(case, scene, shaded)
+
+    def still(step):
+        ours.run(prepared(case.scene, shaded, step), [], folder / "still.png")
+        return np.asarray(Image.open(folder / "still.png").convert("RGB"))
+
+    def peer_still(step):
+        peer.set_step(step)
+        peer.set_camera(scene["camera"])
+        return np.array(peer.frame())
+
+    fine, peer_fine = still(FINE_STEP), peer_still(FINE_STEP)
+    for step in STEPS:
+        error = relative_error(peer_still(step), peer_fine)
+        yield ["VTK", step, statistics.median(peer.camera_times()), error]
+        error = relative_error(still(step), fine)
+        times, _, _ = ours.camera_times(prepared(case.scene, shaded, step), folder / "edited.png")
+        yield ["Tyndall", step, statistics.median(times), error]
+
+
 def main():
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     arguments.add_argument("--binary", default=ROOT / "target/release/tyndall", type=pathlib.Path)
     arguments.add_argument("--out", default=pathlib.Path("bench-out"), type=pathlib.Path)
     arguments = arguments.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
-    rows, pictures, device = [], [], ""
+    rows, errors, pictures, device = [], [], [], ""
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
         ours = Tyndall(arguments.binary, folder)
@@ -261,13 +297,20 @@ def main():
                 peer.set_points(scene["transfer_function"]["points"])
                 theirs = Image.fromarray(np.ascontiguousarray(peer.frame()))
                 ours.run(scene, [], folder / "ours.png")
+                for who, step, millis, error in against_error(case, shaded, ours, folder):
+                    errors.append([case.name, "shaded" if shaded else "unshaded", who, step, round(millis, 1), round(error, 5)])
+                    print(*errors[-1])
                 pictures.append((label, theirs, Image.open(folder / "ours.png").convert("RGB")))
     columns = ["volume", "shading", "edit", "vtk_millis", "tyndall_millis", "tyndall_over_vtk"]
     with open(arguments.out / "vtk.csv", "w", newline="") as file:
         csv.writer(file).writerows([columns, *rows])
     about = {"device": device, "vtk": vtk.vtkVersion.GetVTKVersion(), "cores": os.cpu_count(),
              "image": [SIZE, SIZE], "step_voxels": 1, "frames": 2 * FRAMES}
-    report = {"about": about, "rows": [dict(zip(columns, row)) for row in rows]}
+    error_columns = ["volume", "shading", "renderer", "step_voxels", "millis", "relative_error"]
+    with open(arguments.out / "vtk-error.csv", "w", newline="") as file:
+        csv.writer(file).writerows([error_columns, *errors])
+    report = {"about": about, "rows": [dict(zip(columns, row)) for row in rows],
+              "against_error": [dict(zip(error_columns, row)) for row in errors]}
     (arguments.out / "vtk.json").write_text(json.dumps(report, indent=2))
     edge, text = 256, 18
     sheet = Image.new("RGB", (2 * edge, len(pictures) * (edge + text)))
