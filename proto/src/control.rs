@@ -15,6 +15,16 @@ use crate::scene_file::{Camera, SceneFile};
 /// Version of the control protocol; the first message of either side carries it.
 pub const PROTOCOL_VERSION: u32 = 1;
 
+/// What a viewer, or whoever knows an address of a session, may do there.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, TS, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Role {
+    /// Everything.
+    Editor,
+    /// Look from anywhere; the scene stays as its editors make it.
+    Watcher,
+}
+
 /// What a viewer sends.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, TS, ToSchema)]
 #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
@@ -23,6 +33,11 @@ pub enum ClientMessage {
     Hello {
         /// [`PROTOCOL_VERSION`].
         protocol: u32,
+        /// `resume` of the connection that was lost: goes on with that viewer, whose picture is kept
+        /// for a time.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[ts(optional)]
+        resume: Option<String>,
     },
     /// A JSON merge patch (RFC 7396) on the session's scene; arrays are replaced whole.
     Patch {
@@ -77,6 +92,11 @@ pub enum ServerMessage {
         session: String,
         /// This viewer's number within the session.
         viewer: u32,
+        /// What this viewer may do.
+        role: Role,
+        /// To be said in the next `hello` should this connection be lost. It takes this viewer over:
+        /// nobody else may know it.
+        resume: String,
         /// Epoch of the scene that follows.
         epoch: u32,
         /// The session's scene, camera filled in.

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use ts_rs::TS;
 use utoipa::ToSchema;
 
+use crate::control::Role;
 use crate::scene_file::{Camera, SceneFile, VoxelType};
 
 /// Problem document, RFC 9457 (`application/problem+json`).
@@ -217,6 +218,14 @@ pub struct Session {
     /// Milliseconds since 1970.
     #[ts(type = "number")]
     pub created_unix_millis: u64,
+    /// When it was last used, milliseconds since 1970.
+    #[ts(type = "number")]
+    pub used_unix_millis: u64,
+    /// What the identifier it was asked for with allows.
+    pub role: Role,
+    /// Identifier under which it can be watched, but not edited; absent for those who watch.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub watch: Option<String>,
     /// The newest scene, camera filled in.
     pub scene: SceneFile,
     /// What is shown of the volume; absent: the whole of it at full resolution.

@@ -81,6 +81,7 @@ pub fn typescript() -> String {
         rest::Probe,
         rest::ProbeHit,
         rest::Session,
+        control::Role,
         control::ClientMessage,
         control::ServerMessage,
     );

@@ -1,7 +1,6 @@
 //! What all requests share, and the router over it.
 
 use std::sync::Arc;
-use std::time::Duration;
 
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
@@ -56,15 +55,15 @@ impl App {
     /// The data directory cannot be used, or the device refuses.
     pub fn open(config: Config, gpu: Arc<Gpu>) -> Result<Arc<Self>, ServeError> {
         let limits = &config.limits;
-        let catalog = Catalog::open(&config.data, limits)
-            .map_err(|source| ServeError::Data { path: config.data.clone(), source })?;
+        let catalog = Catalog::open(&config.data, limits).map_err(|source| in_data(&config, source))?;
         let catalog = Arc::new(catalog);
         let samples = Arc::new(Samples::new(catalog.storage().clone(), limits));
         let volumes = Arc::new(Volumes::new(catalog.clone(), samples.clone(), limits));
+        let sessions = Sessions::open(&config).map_err(|source| in_data(&config, source))?;
         let processors = std::thread::available_parallelism().map_or(1, usize::from);
         Ok(Arc::new(Self {
             renderer: RenderThread::start(gpu, limits.max_waiting_stills)?,
-            sessions: Sessions::new(limits.max_sessions, Duration::from_secs(config.session_idle_seconds)),
+            sessions,
             viewers: Arc::new(Semaphore::new(limits.max_viewers)),
             uploads: Semaphore::new(limits.max_uploads),
             requests: Semaphore::new(limits.max_requests),
@@ -152,6 +151,10 @@ impl App {
             Key::Dataset(id, _) => self.catalog.get(id).map(|manifest| manifest.dataset),
         }
     }
+}
+
+fn in_data(config: &Config, source: std::io::Error) -> ServeError {
+    ServeError::Data { path: config.data.clone(), source }
 }
 
 /// Why a volume cannot be put on the GPU.

@@ -29,8 +29,13 @@ pub struct Config {
     pub allowed_origins: Vec<String>,
     /// Refuses to start on a software device.
     pub hardware_only: bool,
-    /// A session without viewers is closed after this time, seconds.
+    /// A session without viewers leaves memory after this time, seconds; it comes back from disk when
+    /// it is asked for.
     pub session_idle_seconds: u64,
+    /// A session that nobody uses is deleted after this time, days.
+    pub session_keep_days: u64,
+    /// A viewer whose connection was lost finds its picture again within this time, seconds.
+    pub viewer_keep_seconds: u64,
     /// Longest wait for viewers and requests when the service stops, seconds.
     pub shutdown_seconds: u64,
     /// What one service instance takes on.
@@ -64,8 +69,10 @@ pub struct Limits {
     pub max_texture_bytes: u64,
     /// Most volumes being loaded at once.
     pub max_loads: usize,
-    /// Most sessions; beyond it 503.
+    /// Most sessions in memory; where all of them have viewers, 503.
     pub max_sessions: usize,
+    /// Most sessions on disk besides; the least recently used is deleted.
+    pub max_stored_sessions: usize,
     /// Most viewers of all sessions.
     pub max_viewers: usize,
     /// Largest message of a viewer, bytes.
@@ -86,6 +93,8 @@ impl Default for Config {
             allowed_origins: Vec::new(),
             hardware_only: false,
             session_idle_seconds: 30 * 60,
+            session_keep_days: 30,
+            viewer_keep_seconds: 120,
             shutdown_seconds: 5,
             limits: Limits::default(),
         }
@@ -107,6 +116,7 @@ impl Default for Limits {
             max_texture_bytes: render::fit::DEFAULT_MAX_TEXTURE_BYTES,
             max_loads: 2,
             max_sessions: 64,
+            max_stored_sessions: 1000,
             max_viewers: 64,
             max_message_bytes: 1 << 20,
             max_requests: 256,

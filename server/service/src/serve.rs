@@ -105,7 +105,10 @@ pub async fn serve_on(
     };
     expiring.abort();
     describing.abort();
-    let stopped = tokio::task::spawn_blocking(move || state.renderer().stop());
+    let stopped = tokio::task::spawn_blocking(move || {
+        state.sessions().store().close();
+        state.renderer().stop();
+    });
     if tokio::time::timeout(bound, stopped).await.is_err() {
         tracing::warn!("the render thread did not end in time");
     }
@@ -116,7 +119,9 @@ async fn expire_sessions(state: Arc<App>) {
     let mut ticks = tokio::time::interval(EXPIRY_INTERVAL);
     loop {
         ticks.tick().await;
-        state.sessions().expire();
+        let state = state.clone();
+        let expired = crate::blocking("putting sessions away", move || state.sessions().expire(&state));
+        drop(expired.await);
     }
 }
 

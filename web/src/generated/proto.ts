@@ -890,6 +890,18 @@ viewers: number,
  */
 created_unix_millis: number, 
 /**
+ * When it was last used, milliseconds since 1970.
+ */
+used_unix_millis: number, 
+/**
+ * What the identifier it was asked for with allows.
+ */
+role: Role, 
+/**
+ * Identifier under which it can be watched, but not edited; absent for those who watch.
+ */
+watch?: string, 
+/**
  * The newest scene, camera filled in.
  */
 scene: SceneFile, 
@@ -898,11 +910,18 @@ scene: SceneFile,
  */
 shown?: ShownVolume, };
 
+export type Role = "editor" | "watcher";
+
 export type ClientMessage = { "type": "hello", 
 /**
  * [`PROTOCOL_VERSION`].
  */
-protocol: number, } | { "type": "patch", 
+protocol: number, 
+/**
+ * `resume` of the connection that was lost: goes on with that viewer, whose picture is kept
+ * for a time.
+ */
+resume?: string, } | { "type": "patch", 
 /**
  * Number of this input.
  */
@@ -961,6 +980,15 @@ session: string,
  * This viewer's number within the session.
  */
 viewer: number, 
+/**
+ * What this viewer may do.
+ */
+role: Role, 
+/**
+ * To be said in the next `hello` should this connection be lost. It takes this viewer over:
+ * nobody else may know it.
+ */
+resume: string, 
 /**
  * Epoch of the scene that follows.
  */

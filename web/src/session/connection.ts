@@ -28,6 +28,8 @@ export class Connection {
   private timer: number | undefined;
   private attempt = 0;
   private again: (() => void) | null = null;
+  /** The viewer this page is, by session: said again after a loss, its picture is still there. */
+  private viewer: { session: string; resume: string } | null = null;
   /** Grows with every session; answers that concern an older one are dropped. */
   private generation = 0;
 
@@ -40,11 +42,15 @@ export class Connection {
     const socket = new WebSocket(viewUrl(id));
     socket.binaryType = "arraybuffer";
     this.socket = socket;
-    socket.onopen = () => this.send({ type: "hello", protocol: PROTOCOL_VERSION });
+    const resume = this.viewer?.session === id ? this.viewer.resume : undefined;
+    socket.onopen = () => this.send({ type: "hello", protocol: PROTOCOL_VERSION, ...(resume && { resume }) });
     socket.onmessage = (event: MessageEvent<string | ArrayBuffer>) => {
       if (generation !== this.generation) return;
-      if (typeof event.data === "string") this.events.message(JSON.parse(event.data) as ServerMessage);
-      else this.events.picture(event.data);
+      if (typeof event.data === "string") {
+        const message = JSON.parse(event.data) as ServerMessage;
+        if (message.type === "welcome") this.viewer = { session: id, resume: message.resume };
+        this.events.message(message);
+      } else this.events.picture(event.data);
     };
     socket.onclose = (event) => {
       if (generation !== this.generation) return;

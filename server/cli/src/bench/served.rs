@@ -94,7 +94,7 @@ impl Served {
         let url = format!("ws://{}/api/v1/sessions/{session}/view", self.address);
         let (socket, _) = tokio_tungstenite::connect_async(url).await?;
         let mut viewer = Viewer { socket };
-        viewer.send(&ClientMessage::Hello { protocol: PROTOCOL_VERSION }).await?;
+        viewer.send(&ClientMessage::Hello { protocol: PROTOCOL_VERSION, resume: None }).await?;
         viewer.send(&ClientMessage::Viewport { seq: 1, width, height, pixel_ratio: 1.0 }).await?;
         Ok(viewer)
     }

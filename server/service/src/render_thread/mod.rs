@@ -54,6 +54,8 @@ pub struct ViewerInput {
     pub acknowledged: u32,
     /// What its link carries.
     pub link: Link,
+    /// Counts its connections after the first.
+    pub resumed: u32,
     outputs: mpsc::Sender<Output>,
 }
 
@@ -189,11 +191,23 @@ impl RenderThread {
             arrived: Instant::now(),
             acknowledged: 0,
             link: Link::default(),
+            resumed: 0,
             outputs,
         };
         inbox.viewers.insert(id, input);
         self.notify(inbox);
         id
+    }
+
+    /// Goes on with a viewer over another connection: it is shown what it saw, and what it has not
+    /// acknowledged counts as lost.
+    pub fn resume_viewer(&self, id: ViewerId, outputs: mpsc::Sender<Output>) {
+        self.update(id, |input| {
+            input.outputs = outputs;
+            input.link = Link::default();
+            input.visible = true;
+            input.resumed += 1;
+        });
     }
 
     /// Changes a viewer's newest input.

@@ -55,6 +55,8 @@ pub(super) struct Watched {
     failed: Option<Arc<Snapshot>>,
     /// Number of the newest frame.
     frame: u32,
+    /// Number of the newest frame that went to an earlier connection.
+    lost: u32,
     /// When the newest moving picture was begun.
     moving_began: Option<Instant>,
     /// GPU time used, for fairness.
@@ -107,6 +109,7 @@ impl Watched {
             drawing: None,
             failed: None,
             frame: 0,
+            lost: 0,
             moving_began: None,
             used: Duration::ZERO,
         }
@@ -115,6 +118,10 @@ impl Watched {
     /// Takes over the newest input. A change that cannot be seen is answered with a report.
     pub(super) fn take(&mut self, input: &ViewerInput) {
         let old = std::mem::replace(&mut self.input, input.clone());
+        if old.resumed != input.resumed {
+            self.shown = None;
+            self.lost = self.frame;
+        }
         let same_viewport = old.viewport == input.viewport;
         if same_viewport && Arc::ptr_eq(&old.snapshot, &input.snapshot) {
             return;
@@ -173,7 +180,7 @@ impl Watched {
 
     /// What is to be done now.
     pub(super) fn need(&self, now: Instant) -> Need {
-        let in_flight = self.frame - self.input.acknowledged.min(self.frame);
+        let in_flight = self.frame - self.input.acknowledged.max(self.lost).min(self.frame);
         let Some(viewport) = self.input.viewport.filter(|_| self.input.visible) else {
             return Need::Nothing;
         };

@@ -8,27 +8,35 @@ mod edits;
 mod registry;
 pub mod routes;
 pub mod stills;
+mod store;
+mod viewers;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use parking_lot::Mutex;
-use proto::control::ServerMessage;
+use proto::control::{Role, ServerMessage};
 use proto::scene_file::{Camera, SceneFile};
 use proto::{FieldError, rest};
 use scene::{Scene, Snapshot};
 use serde_json::Value;
-use tokio::sync::{mpsc, watch};
+use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
 
 pub use edits::{Asked, Edit, Loaded};
-pub use registry::{Sessions, no_such_session};
+pub use registry::{Access, Sessions, WATCH_ONLY};
+pub use viewers::{Member, Outlet};
 
 use crate::App;
 use crate::problem::{Answer, Fault};
-use crate::render_thread::{Output, ViewerId};
 use edits::{Checked, Current, Refusal};
+use store::Stored;
+use viewers::Viewer;
+
+/// Random hexadecimal digits of a session's identifier: whoever knows it may use the session.
+const ID_DIGITS: usize = 32;
 
 /// A scene and its viewers.
 pub struct Session {
@@ -38,8 +46,9 @@ pub struct Session {
     state: Mutex<State>,
     /// The epoch, for whoever waits for changes.
     epoch: watch::Sender<u32>,
-    /// Cancelled when the session is deleted.
+    /// Cancelled when the session is deleted, or put away for lack of viewers.
     pub ended: CancellationToken,
+    deleted: AtomicBool,
 }
 
 struct State {
@@ -53,18 +62,8 @@ struct State {
     next_viewer: u32,
     /// When the last viewer left, or the session was last used without one.
     idle_since: Instant,
-}
-
-/// A connection, as the session knows it.
-struct Viewer {
-    render: ViewerId,
-    camera: Camera,
-    /// Input that set the camera.
-    camera_seq: u32,
-    /// Newest input that was dealt with.
-    done_seq: u32,
-    /// First edit that waits for its volume.
-    waiting_from: Option<u32>,
+    /// The same, milliseconds since 1970.
+    used_unix_millis: u64,
 }
 
 /// What became of a viewer's patches.
@@ -99,17 +98,37 @@ impl State {
     fn current(&self) -> Current<'_> {
         Current { file: &self.file, loaded: &self.loaded }
     }
+
+    fn connected(&self) -> impl Iterator<Item = &Viewer> {
+        self.viewers.values().filter(|viewer| viewer.is_connected())
+    }
+
+    fn used(&mut self) {
+        self.idle_since = Instant::now();
+        self.used_unix_millis = crate::unix_millis();
+    }
 }
 
 impl Session {
-    /// What REST tells about it.
-    pub fn describe(&self) -> rest::Session {
+    /// The identifier that allows what a role may do.
+    fn id_for(&self, role: Role) -> String {
+        match role {
+            Role::Editor => self.id.clone(),
+            Role::Watcher => watch_id(&self.id),
+        }
+    }
+
+    /// What REST tells about it to whoever may do that much.
+    pub fn describe(&self, role: Role) -> rest::Session {
         let state = self.state.lock();
         rest::Session {
-            id: self.id.clone(),
+            id: self.id_for(role),
             epoch: state.epoch,
-            viewers: state.viewers.len() as u32,
+            viewers: state.connected().count() as u32,
             created_unix_millis: self.created_unix_millis,
+            used_unix_millis: state.used_unix_millis,
+            role,
+            watch: (role == Role::Editor).then(|| watch_id(&self.id)),
             scene: state.file.clone(),
             shown: state.loaded.shown(),
         }
@@ -118,7 +137,7 @@ impl Session {
     /// The newest snapshot, with the session's camera.
     pub fn snapshot(&self) -> Arc<Snapshot> {
         let mut state = self.state.lock();
-        state.idle_since = Instant::now();
+        state.used();
         Arc::new(Snapshot { epoch: state.epoch, scene: state.scene.clone() })
     }
 
@@ -256,7 +275,8 @@ impl Session {
         state.loaded = loaded;
         state.scene = scene;
         state.epoch = state.epoch.saturating_add(1);
-        state.idle_since = Instant::now();
+        state.used();
+        app.sessions().store().changed(self);
         for (number, viewer) in &state.viewers {
             let snapshot = viewer_snapshot(state, viewer);
             let arrived = author.filter(|(author, _)| author == number).map(|(_, arrived)| arrived);
@@ -269,12 +289,13 @@ impl Session {
         Announcement { session: self.clone(), epoch: state.epoch }
     }
 
-    /// Moves a viewer's camera, and the session's with it; the others see nothing of it.
+    /// Moves a viewer's camera, and if it is an editor's the session's with it; the others see nothing
+    /// of it.
     ///
     /// # Errors
     /// The field at fault.
     pub fn move_camera(
-        &self,
+        self: &Arc<Self>,
         app: &App,
         number: u32,
         seq: u32,
@@ -283,53 +304,26 @@ impl Session {
     ) -> Result<(), FieldError> {
         edits::check_camera(&camera)?;
         let mut state = self.state.lock();
-        state.file.camera = Some(camera.clone());
-        state.scene.camera = scene::Camera::from_file(&camera);
         let Some(viewer) = state.viewers.get_mut(&number) else { return Ok(()) };
-        viewer.camera = camera;
+        let role = viewer.role;
+        viewer.camera = camera.clone();
         viewer.camera_seq = seq;
         viewer.done_seq = viewer.done_seq.max(seq);
         let render = viewer.render;
-        let snapshot = Arc::new(Snapshot { epoch: state.epoch, scene: state.scene.clone() });
+        let mut scene = state.scene.clone();
+        scene.camera = scene::Camera::from_file(&camera);
+        if role == Role::Editor {
+            state.file.camera = Some(camera);
+            state.scene.camera = scene.camera.clone();
+            app.sessions().store().changed(self);
+        }
+        let snapshot = Arc::new(Snapshot { epoch: state.epoch, scene });
         app.renderer().update(render, |input| {
             input.snapshot = snapshot;
             input.seq = input.seq.max(seq);
             input.arrived = arrived;
         });
         Ok(())
-    }
-
-    /// Adds a viewer; its frames come through `outputs`. It starts with the session's camera.
-    pub fn join(self: &Arc<Self>, app: &Arc<App>, outputs: mpsc::Sender<Output>) -> Member {
-        let mut state = self.state.lock();
-        let number = state.next_viewer;
-        state.next_viewer += 1;
-        let snapshot = Arc::new(Snapshot { epoch: state.epoch, scene: state.scene.clone() });
-        let render = app.renderer().add_viewer(snapshot, outputs);
-        let viewer = Viewer {
-            render,
-            camera: filled_camera(&state.file, &state.scene),
-            camera_seq: 0,
-            done_seq: 0,
-            waiting_from: None,
-        };
-        state.viewers.insert(number, viewer);
-        Member { session: self.clone(), app: app.clone(), number, render }
-    }
-
-    /// The first message to a viewer.
-    pub fn welcome(&self, app: &App, number: u32) -> ServerMessage {
-        let state = self.state.lock();
-        ServerMessage::Welcome {
-            protocol: proto::control::PROTOCOL_VERSION,
-            session: self.id.clone(),
-            viewer: number,
-            epoch: state.epoch,
-            scene: Box::new(state.file.clone()),
-            dataset: state.loaded.describe(app).map(Box::new),
-            shown: state.loaded.shown().map(Box::new),
-            device: app.renderer().device().clone(),
-        }
     }
 
     /// The newest scene as a viewer sees it.
@@ -347,57 +341,61 @@ impl Session {
         ServerMessage::Scene { epoch: state.epoch, seq, scene: Box::new(scene), shown }
     }
 
-    /// A session with a scene.
-    fn new(id: String, checked: Checked) -> Self {
+    /// A session with a scene: a new one, or one that was stored as `stored`.
+    fn new(id: String, checked: Checked, stored: Option<&Stored>) -> Self {
         let Checked { file, loaded, scene } = checked;
+        let now = crate::unix_millis();
+        // What a viewer was told before is older than what it will be told.
+        let epoch = stored.map_or(1, |stored| stored.epoch.saturating_add(1));
         let state = State {
             file,
             loaded,
             scene,
-            epoch: 1,
+            epoch,
             viewers: BTreeMap::new(),
             next_viewer: 1,
             idle_since: Instant::now(),
+            used_unix_millis: stored.map_or(now, |stored| stored.used_unix_millis),
         };
         Self {
             id,
-            created_unix_millis: crate::unix_millis(),
+            created_unix_millis: stored.map_or(now, |stored| stored.created_unix_millis),
             state: Mutex::new(state),
-            epoch: watch::Sender::new(1),
+            epoch: watch::Sender::new(epoch),
             ended: CancellationToken::new(),
+            deleted: AtomicBool::new(false),
         }
+    }
+
+    /// What is kept on disk.
+    fn stored(&self) -> Stored {
+        let state = self.state.lock();
+        Stored::new(self.created_unix_millis, state.used_unix_millis, state.epoch, state.file.clone())
+    }
+
+    /// Whether nothing of it may be kept.
+    fn is_deleted(&self) -> bool {
+        self.deleted.load(Ordering::Acquire)
     }
 
     /// Connected viewers.
     fn viewer_count(&self) -> u32 {
-        self.state.lock().viewers.len() as u32
+        self.state.lock().connected().count() as u32
     }
 
     /// How long nobody has used it; `None` while it has viewers.
     fn idle(&self, now: Instant) -> Option<Duration> {
         let state = self.state.lock();
-        state.viewers.is_empty().then(|| now.saturating_duration_since(state.idle_since))
+        let unused = state.connected().next().is_none();
+        unused.then(|| now.saturating_duration_since(state.idle_since))
     }
 }
 
-/// A viewer's place in a session; leaves it when dropped.
-pub struct Member {
-    /// The session.
-    pub session: Arc<Session>,
-    app: Arc<App>,
-    /// Number within the session.
-    pub number: u32,
-    /// Identifier on the render thread.
-    pub render: ViewerId,
-}
-
-impl Drop for Member {
-    fn drop(&mut self) {
-        self.app.renderer().remove_viewer(self.render);
-        let mut state = self.session.state.lock();
-        state.viewers.remove(&self.number);
-        state.idle_since = Instant::now();
-    }
+/// The identifier under which a session can be watched. It does not tell the session's own.
+fn watch_id(id: &str) -> String {
+    let mut hasher = blake3::Hasher::new_derive_key("Tyndall, identifier for watching a session");
+    hasher.update(id.as_bytes());
+    hasher.finalize().to_hex().chars().take(ID_DIGITS).collect()
 }
 
 fn viewer_snapshot(state: &State, viewer: &Viewer) -> Arc<Snapshot> {

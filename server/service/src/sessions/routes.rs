@@ -7,6 +7,7 @@ use axum::extract::{Path, State};
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use proto::FieldError;
+use proto::control::Role;
 use proto::rest::{
     CreateSession, Probe, ProbeHit, ProbeRequest, Problem, RegionHistogram, Session as SessionDocument,
     Status,
@@ -14,7 +15,7 @@ use proto::rest::{
 use proto::scene_file::{SceneFile, limits::MAX_IMAGE_EDGE};
 use serde_json::Value;
 
-use super::{Edit, Session, edits, no_such_session};
+use super::{Access, Edit, Session, edits};
 use crate::App;
 use crate::http::Json;
 use crate::problem::{Answer, Fault};
@@ -35,14 +36,10 @@ pub async fn status(State(app): State<Arc<App>>) -> Answer<JsonAnswer<Status>> {
     }))
 }
 
-/// Lists sessions, oldest first.
+/// Lists sessions, in memory and on disk, oldest first.
 #[utoipa::path(get, path = "/sessions", tag = "sessions", responses((status = OK, body = Vec<SessionDocument>)))]
 pub async fn list(State(app): State<Arc<App>>) -> Answer<JsonAnswer<Vec<SessionDocument>>> {
-    crate::blocking("listing sessions", move || {
-        app.sessions().expire();
-        JsonAnswer(app.sessions().list().iter().map(|session| session.describe()).collect())
-    })
-    .await
+    crate::blocking("listing sessions", move || JsonAnswer(app.sessions().list())).await
 }
 
 /// Opens a session with a scene, or with a dataset in the scene that suits it.
@@ -79,7 +76,7 @@ pub async fn create(State(app): State<Arc<App>>, Json(wish): Json<CreateSession>
         fault
     })?;
     let location = format!("/api/v1/sessions/{}", session.id);
-    let document = described(session).await?;
+    let document = described(Access { session, role: Role::Editor }).await?;
     Ok((StatusCode::CREATED, [(header::LOCATION, location)], document).into_response())
 }
 
@@ -89,16 +86,16 @@ pub async fn create(State(app): State<Arc<App>>, Json(wish): Json<CreateSession>
     responses((status = OK, body = SessionDocument), (status = NOT_FOUND, body = Problem, content_type = "application/problem+json"))
 )]
 pub async fn get(State(app): State<Arc<App>>, Path(id): Path<String>) -> Answer<JsonAnswer<SessionDocument>> {
-    described(find(&app, &id)?).await
+    described(app.sessions().find(&app, &id).await?).await
 }
 
-/// Closes a session; its viewers are told.
+/// Deletes a session, also from disk; its viewers are told.
 #[utoipa::path(
     delete, path = "/sessions/{id}", tag = "sessions", params(("id" = String, Path)),
     responses((status = NO_CONTENT), (status = NOT_FOUND, body = Problem, content_type = "application/problem+json"))
 )]
 pub async fn delete(State(app): State<Arc<App>>, Path(id): Path<String>) -> Answer<StatusCode> {
-    app.sessions().delete(&id)?;
+    crate::blocking("deleting a session", move || app.sessions().delete(&app, &id)).await??;
     Ok(StatusCode::NO_CONTENT)
 }
 
@@ -108,7 +105,7 @@ pub async fn delete(State(app): State<Arc<App>>, Path(id): Path<String>) -> Answ
     responses((status = OK, body = SceneFile), (status = NOT_FOUND, body = Problem, content_type = "application/problem+json"))
 )]
 pub async fn get_scene(State(app): State<Arc<App>>, Path(id): Path<String>) -> Answer<JsonAnswer<SceneFile>> {
-    let session = find(&app, &id)?;
+    let session = find(&app, &id).await?;
     crate::blocking("reading a scene", move || JsonAnswer(session.scene_file())).await
 }
 
@@ -169,7 +166,7 @@ pub async fn probe(
             return Err(FieldError::new(axis, "must lie within the picture").into());
         }
     }
-    let session = find(&app, &id)?;
+    let session = find(&app, &id).await?;
     let hit = move || {
         let snapshot = session.snapshot();
         let camera = scene::Camera::from_file(&request.camera);
@@ -193,7 +190,7 @@ pub async fn histogram(
     State(app): State<Arc<App>>,
     Path(id): Path<String>,
 ) -> Answer<JsonAnswer<RegionHistogram>> {
-    let session = find(&app, &id)?;
+    let session = find(&app, &id).await?;
     let _turn = app.region_scans.acquire().await;
     let count = move || {
         let snapshot = session.snapshot();
@@ -207,18 +204,19 @@ pub async fn histogram(
 }
 
 async fn edit(app: &Arc<App>, id: &str, edit: Edit) -> Answer<JsonAnswer<SessionDocument>> {
-    let session = find(app, id)?;
-    session.edit(app, edit).await?;
-    described(session).await
+    let access = app.sessions().find(app, id).await?;
+    access.clone().to_edit()?.edit(app, edit).await?;
+    described(access).await
 }
 
 /// A session as REST tells it; an edit under way may hold it for a moment.
-async fn described(session: Arc<Session>) -> Answer<JsonAnswer<SessionDocument>> {
-    crate::blocking("reading a session", move || JsonAnswer(session.describe())).await
+async fn described(access: Access) -> Answer<JsonAnswer<SessionDocument>> {
+    crate::blocking("reading a session", move || JsonAnswer(access.describe())).await
 }
 
-pub(super) fn find(app: &App, id: &str) -> Answer<Arc<Session>> {
-    app.sessions().get(id).ok_or_else(|| no_such_session(id))
+/// A session to look at.
+pub(super) async fn find(app: &Arc<App>, id: &str) -> Answer<Arc<Session>> {
+    Ok(app.sessions().find(app, id).await?.session)
 }
 
 /// Refuses the size of a picture that has no pixels or an edge beyond `most`.

@@ -69,7 +69,7 @@ pub async fn snapshot(
     Path(id): Path<String>,
     Query(query): Query<StillQuery>,
 ) -> Answer<Response> {
-    let session = find(&app, &id)?;
+    let session = find(&app, &id).await?;
     let (file, snapshot) =
         crate::blocking("reading a session", move || (session.scene_file(), session.snapshot())).await?;
     let target = Target {
@@ -111,7 +111,7 @@ pub async fn preview(
 ) -> Answer<Response> {
     let PreviewRequest { patch, width, height } = request;
     check_edges(width, height, MAX_PREVIEW_EDGE)?;
-    let session = find(&app, &id)?;
+    let session = find(&app, &id).await?;
     let shared = app.clone();
     let snapshot =
         crate::blocking("preparing a preview", move || session.patched_snapshot(&shared, &patch)).await??;

@@ -13,6 +13,7 @@ use std::time::Duration;
 
 use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade};
 use axum::extract::{Path, State};
+use axum::http::StatusCode;
 use axum::response::Response;
 use futures_util::StreamExt;
 use parking_lot::Mutex;
@@ -21,13 +22,17 @@ use proto::rest::Problem;
 use tokio::sync::mpsc;
 
 use crate::App;
+use crate::problem::Fault;
 use crate::render_thread::MAX_WAITING_OUTPUTS;
+use crate::sessions::{Access, Outlet};
 use link::LinkMeter;
 
 /// Close code: the session does not exist (any more).
 pub const CLOSE_NO_SESSION: u16 = 4404;
 /// Close code: the first message was not a `hello` of this protocol.
 pub const CLOSE_BAD_HELLO: u16 = 4400;
+/// Close code: another connection goes on with this viewer.
+pub const CLOSE_TAKEN_OVER: u16 = 4409;
 /// Close code: the viewer does not read what it is sent.
 pub const CLOSE_TOO_SLOW: u16 = 4408;
 /// Close code: too many viewers; try again later (RFC 6455 registry).
@@ -67,27 +72,31 @@ pub async fn view(
 }
 
 async fn connection(app: Arc<App>, id: String, mut socket: WebSocket) {
-    let Some(session) = app.sessions().get(&id) else {
-        return close(socket, CLOSE_NO_SESSION, "there is no such session").await;
+    let Access { session, role } = match app.sessions().find(&app, &id).await {
+        Ok(access) => access,
+        Err(fault) if fault.status() == StatusCode::NOT_FOUND => {
+            return close(socket, CLOSE_NO_SESSION, "there is no such session").await;
+        }
+        Err(_) => return close(socket, CLOSE_TRY_AGAIN, "the session cannot be opened now").await,
     };
     let Ok(_permit) = app.viewers.clone().try_acquire_owned() else {
         return close(socket, CLOSE_TRY_AGAIN, "too many viewers").await;
     };
-    match tokio::time::timeout(HELLO_TIME, hello(&mut socket)).await {
-        Ok(Ok(())) => {}
+    let resume = match tokio::time::timeout(HELLO_TIME, hello(&mut socket)).await {
+        Ok(Ok(resume)) => resume,
         Ok(Err(reason)) => return close(socket, CLOSE_BAD_HELLO, &reason).await,
         Err(_) => return close(socket, CLOSE_BAD_HELLO, "no hello arrived").await,
-    }
+    };
     let (outputs_in, outputs) = mpsc::channel(MAX_WAITING_OUTPUTS);
     let (notes, notes_out) = mpsc::channel(MAX_WAITING_NOTES);
     let epochs = session.epochs();
     let (joining, shared) = (session.clone(), app.clone());
     let joined = crate::blocking("joining a session", move || {
-        let member = joining.join(&shared, outputs_in);
-        let welcome = joining.welcome(&shared, member.number);
-        (member, welcome)
+        let member = joining.join(&shared, Outlet { role, resume, outputs: outputs_in })?;
+        let welcome = joining.welcome(&shared, &member);
+        Ok::<_, Fault>((member, welcome))
     });
-    let Ok((member, welcome)) = joined.await else { return };
+    let Ok(Ok((member, welcome))) = joined.await else { return };
     let member = Arc::new(member);
     let meter = Arc::new(Mutex::new(LinkMeter::default()));
     let (sink, stream) = socket.split();
@@ -110,14 +119,14 @@ async fn connection(app: Arc<App>, id: String, mut socket: WebSocket) {
     drop(crate::blocking("leaving a session", move || drop(member)).await);
 }
 
-/// Waits for the first message.
-async fn hello(socket: &mut WebSocket) -> Result<(), String> {
+/// Waits for the first message; which viewer it goes on with, if any.
+async fn hello(socket: &mut WebSocket) -> Result<Option<String>, String> {
     while let Some(Ok(message)) = socket.recv().await {
         match message {
             Message::Text(text) => {
                 return match serde_json::from_str(&text) {
-                    Ok(ClientMessage::Hello { protocol: PROTOCOL_VERSION }) => Ok(()),
-                    Ok(ClientMessage::Hello { protocol }) => {
+                    Ok(ClientMessage::Hello { protocol: PROTOCOL_VERSION, resume }) => Ok(resume),
+                    Ok(ClientMessage::Hello { protocol, .. }) => {
                         Err(format!("protocol {protocol} is not spoken here, only {PROTOCOL_VERSION}"))
                     }
                     _ => Err("the first message must be a hello".into()),

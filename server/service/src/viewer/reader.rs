@@ -10,7 +10,7 @@ use futures_util::stream::SplitStream;
 use futures_util::{FutureExt, StreamExt};
 use parking_lot::Mutex;
 use proto::FieldError;
-use proto::control::{ClientMessage, ServerMessage};
+use proto::control::{ClientMessage, Role, ServerMessage};
 use proto::scene_file::Camera;
 use serde_json::Value;
 use tokio::sync::mpsc;
@@ -18,10 +18,10 @@ use tokio::task::JoinHandle;
 use tokio::time::{sleep_until, timeout};
 
 use super::link::LinkMeter;
-use super::{CLOSE_GOING_AWAY, CLOSE_NO_SESSION, CLOSE_TOO_SLOW, Note};
+use super::{CLOSE_GOING_AWAY, CLOSE_NO_SESSION, CLOSE_TAKEN_OVER, CLOSE_TOO_SLOW, Note};
 use crate::App;
 use crate::problem::Answer;
-use crate::sessions::{Loaded, Member, Patched};
+use crate::sessions::{Loaded, Member, Patched, WATCH_ONLY};
 
 /// A connection on which nothing arrives for this long, not even answers to pings, is dead.
 const SILENCE: Duration = Duration::from_secs(60);
@@ -112,6 +112,7 @@ impl Reader {
     async fn read_all(&mut self, stream: &mut SplitStream<WebSocket>) -> End {
         let closing = self.app.closing().clone();
         let ended = self.member.session.ended.clone();
+        let taken_over = self.member.taken_over.clone();
         let notes = self.notes.clone();
         loop {
             let edits_due = !self.patches.is_empty() && self.loading.is_none();
@@ -126,6 +127,7 @@ impl Reader {
                 biased;
                 () = closing.cancelled() => return End::Close(CLOSE_GOING_AWAY, "the service is stopping"),
                 () = ended.cancelled() => return End::Close(CLOSE_NO_SESSION, "the session was closed"),
+                () = taken_over.cancelled() => return End::Close(CLOSE_TAKEN_OVER, "the viewer goes on elsewhere"),
                 () = notes.closed() => return End::Left,
                 loaded = loaded => {
                     self.loading = None;
@@ -229,6 +231,9 @@ impl Reader {
     }
 
     fn take_patch(&mut self, seq: u32, patch: Value, bytes: usize) -> Result<(), End> {
+        if self.member.role == Role::Watcher {
+            return self.reject(seq, FieldError::new("", WATCH_ONLY));
+        }
         let full = self.patches.len() >= MAX_WAITING_PATCHES
             || self.patch_bytes.saturating_add(bytes) > MAX_WAITING_PATCH_BYTES;
         if full {

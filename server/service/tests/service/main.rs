@@ -6,6 +6,7 @@
 
 mod datasets;
 mod parts;
+mod returning;
 mod security;
 mod sessions;
 mod support;

@@ -81,7 +81,7 @@ async fn viewers_are_told_what_is_shown() {
     let session = open(&service).await;
     let listening = service.listen().await;
     let mut viewer = listening.silent_viewer(&session.id).await;
-    viewer.send(&ClientMessage::Hello { protocol: 1 }).await;
+    viewer.send(&ClientMessage::Hello { protocol: 1, resume: None }).await;
     let ServerMessage::Welcome { shown, dataset, .. } = viewer.message().await else { panic!() };
     assert_eq!(shown.unwrap().level, 1);
     assert_eq!(dataset.unwrap().dims, [16, 16, 16], "the dataset is what it is");

@@ -193,20 +193,6 @@ async fn previews_wait_for_each_other_and_never_fill_the_queue_of_stills() {
 }
 
 #[tokio::test]
-async fn sessions_are_limited_and_expire() {
-    let service = Service::with(|config| {
-        config.limits.max_sessions = 1;
-        config.session_idle_seconds = 1;
-    });
-    service.session().await;
-    let refused = service.json(Method::POST, "/sessions", json!({"scene": small_scene()})).await;
-    refused.problem(503);
-    assert!(refused.headers.contains_key(header::RETRY_AFTER));
-    tokio::time::sleep(std::time::Duration::from_millis(1100)).await;
-    service.session().await;
-}
-
-#[tokio::test]
 async fn stills_come_in_three_formats() {
     let service = Service::new();
     let session = service.session().await;

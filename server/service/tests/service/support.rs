@@ -173,7 +173,7 @@ impl Listening {
     /// A viewer that has said hello and was welcomed.
     pub async fn viewer(&self, session: &str) -> Viewer {
         let mut viewer = self.silent_viewer(session).await;
-        viewer.send(&ClientMessage::Hello { protocol: 1 }).await;
+        viewer.send(&ClientMessage::Hello { protocol: 1, resume: None }).await;
         assert!(matches!(viewer.message().await, ServerMessage::Welcome { .. }));
         viewer
     }

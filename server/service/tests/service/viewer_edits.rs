@@ -196,7 +196,7 @@ async fn connections_that_cannot_be_are_closed_with_a_reason() {
     assert_eq!(listening.silent_viewer("nobody").await.close_code().await, 4404);
 
     let mut wrong = listening.silent_viewer(&session.id).await;
-    wrong.send(&ClientMessage::Hello { protocol: 99 }).await;
+    wrong.send(&ClientMessage::Hello { protocol: 99, resume: None }).await;
     assert_eq!(wrong.close_code().await, 4400);
     let mut rude = listening.silent_viewer(&session.id).await;
     rude.viewport(1, 10, 10).await;
