@@ -111,6 +111,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let view = if edits.is_empty() { View::new() } else { View::for_edits() };
     let mut session = Session { renderer: Renderer::new(gpu)?, view, epoch: 0, arguments };
     let volumes = session.renderer.volumes().clone();
+    // Nobody shares the device.
+    volumes.set_budget_bytes(u64::MAX);
     let most = arguments.max_texture_bytes;
     let scene = disk.fit(&file, scene, &volumes, most)?;
     let initial = session.draw(&file, scene, "scene")?;

@@ -28,4 +28,4 @@ pub use error::RenderError;
 pub use gpu::{AdapterPolicy, Gpu};
 pub use renderer::{DrawRequest, Drawn, METHODS_BUILT, PathEstimate, Picture, Radiance, Renderer, check};
 pub use view::View;
-pub use volume_texture::VolumeCache;
+pub use volume_texture::{DEFAULT_GPU_BYTES, VolumeCache};

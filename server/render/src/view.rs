@@ -139,6 +139,11 @@ impl View {
         self.buffers.as_ref().map_or(0, |buffers| buffers.capacity * (FILM_PIXEL_BYTES + PICTURE_PIXEL_BYTES))
     }
 
+    /// Bytes of all it keeps for itself; the volume is shared and counted once for all.
+    pub fn total_bytes(&self) -> u64 {
+        self.bytes() + self.segment_bytes() + self.path_bytes()
+    }
+
     /// Bytes of view-ray segments.
     pub fn segment_bytes(&self) -> u64 {
         self.segments.bytes()

@@ -57,11 +57,17 @@ enum Encoding {
     },
 }
 
+/// Memory of the GPU that may be in use where nothing else is said, bytes.
+pub const DEFAULT_GPU_BYTES: u64 = 8 << 30;
+
 /// Textures by content hash; least recently used go first when the budget is exceeded, but never
-/// one that a view holds.
+/// one that a view holds. A volume for which there is no room beside those is refused.
 pub struct VolumeCache {
     gpu: Arc<Gpu>,
-    budget_bytes: u64,
+    /// For all that is on the GPU.
+    budget_bytes: AtomicU64,
+    /// What of it others take: films, segments, paths.
+    others_bytes: AtomicU64,
     max_quad_bytes: AtomicU64,
     entries: Mutex<Entries>,
 }
@@ -74,7 +80,38 @@ struct Entries {
 
 impl VolumeCache {
     pub(crate) fn new(gpu: Arc<Gpu>, budget_bytes: u64) -> Self {
-        Self { gpu, budget_bytes, max_quad_bytes: MAX_QUAD_BYTES.into(), entries: Mutex::default() }
+        Self {
+            gpu,
+            budget_bytes: budget_bytes.into(),
+            others_bytes: 0.into(),
+            max_quad_bytes: MAX_QUAD_BYTES.into(),
+            entries: Mutex::default(),
+        }
+    }
+
+    /// Bytes that all of the GPU's memory in use may be, what views keep included.
+    pub fn set_budget_bytes(&self, bytes: u64) {
+        self.budget_bytes.store(bytes, Ordering::Relaxed);
+    }
+
+    /// Charges what others than volumes take; volumes that nobody uses give way to it.
+    pub fn charge_others(&self, bytes: u64) {
+        self.others_bytes.store(bytes, Ordering::Relaxed);
+        self.evict_beyond(self.own_budget());
+    }
+
+    /// Bytes that others than volumes take, as last charged.
+    pub fn others_bytes(&self) -> u64 {
+        self.others_bytes.load(Ordering::Relaxed)
+    }
+
+    /// Bytes in use beyond the budget.
+    pub fn excess_bytes(&self) -> u64 {
+        self.bytes().saturating_sub(self.own_budget())
+    }
+
+    fn own_budget(&self) -> u64 {
+        self.budget_bytes.load(Ordering::Relaxed).saturating_sub(self.others_bytes())
     }
 
     /// Volumes loaded from now on are held four voxels to a texel as well if that takes no more than
@@ -106,8 +143,17 @@ impl VolumeCache {
             return Ok(texture);
         }
         let plain_bytes = volume.volume.voxels.len() as u64 * self.texel_bytes(&volume.volume.voxels);
+        let budget = self.own_budget();
+        self.evict_beyond(budget.saturating_sub(plain_bytes));
+        let room = budget.saturating_sub(self.bytes());
+        if plain_bytes > room {
+            return Err(RenderError::OutOfMemory {
+                what: "a volume beside those in use".into(),
+                bytes: plain_bytes,
+            });
+        }
         let max_quad_bytes =
-            self.max_quad_bytes.load(Ordering::Relaxed).min(max_bytes.saturating_sub(plain_bytes));
+            self.max_quad_bytes.load(Ordering::Relaxed).min(max_bytes.min(room).saturating_sub(plain_bytes));
         let texture = match upload(&self.gpu, volume, max_quad_bytes) {
             Err(RenderError::OutOfMemory { .. }) => {
                 // What no view holds gives way.
@@ -122,7 +168,7 @@ impl VolumeCache {
             let mut entries = self.entries.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
             entries.by_use.push((volume.content, texture.clone()));
         }
-        self.evict_beyond(self.budget_bytes);
+        self.evict_beyond(self.own_budget());
         Ok(texture)
     }
 

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
 use axum::middleware::{from_fn, from_fn_with_state};
+use axum::routing::get;
 use proto::rest::Dataset;
 use render::fit::{Fitted, fit};
 use render::{Gpu, RenderError};
@@ -17,6 +18,7 @@ use crate::config::Config;
 use crate::datasets::samples::Samples;
 use crate::datasets::volumes::{Key, Volumes};
 use crate::datasets::{Catalog, describe};
+use crate::metrics::{self, Metrics};
 use crate::problem::{Answer, Fault, as_problems};
 use crate::render_thread::{RenderThread, render_fault};
 use crate::serve::ServeError;
@@ -34,6 +36,7 @@ pub struct App {
     volumes: Arc<Volumes>,
     sessions: Sessions,
     renderer: RenderThread,
+    metrics: Metrics,
     closing: CancellationToken,
     /// Permits for what is bounded by `limits`.
     pub(crate) viewers: Arc<Semaphore>,
@@ -60,9 +63,11 @@ impl App {
         let samples = Arc::new(Samples::new(catalog.storage().clone(), limits));
         let volumes = Arc::new(Volumes::new(catalog.clone(), samples.clone(), limits));
         let sessions = Sessions::open(&config).map_err(|source| in_data(&config, source))?;
+        let renderer = RenderThread::start(gpu, limits.max_waiting_stills, limits.max_gpu_bytes)?;
         let processors = std::thread::available_parallelism().map_or(1, usize::from);
         Ok(Arc::new(Self {
-            renderer: RenderThread::start(gpu, limits.max_waiting_stills)?,
+            renderer,
+            metrics: Metrics::new(),
             sessions,
             viewers: Arc::new(Semaphore::new(limits.max_viewers)),
             uploads: Semaphore::new(limits.max_uploads),
@@ -107,6 +112,11 @@ impl App {
     /// The way to the GPU.
     pub fn renderer(&self) -> &RenderThread {
         &self.renderer
+    }
+
+    /// What is measured.
+    pub fn metrics(&self) -> &Metrics {
+        &self.metrics
     }
 
     /// Cancelled when the service stops.
@@ -182,9 +192,12 @@ pub fn app(state: Arc<App>) -> Router {
         .layer(http::cors(state.config()));
     Router::new()
         .nest("/api/v1", api)
+        .route("/metrics", get(metrics::metrics))
+        .route("/healthz", get(metrics::healthy))
+        .route("/readyz", get(metrics::ready))
         .fallback(web::page)
         .layer(from_fn_with_state(state.clone(), origin::guard))
         .layer(from_fn(as_problems))
-        .layer(from_fn(http::traced))
+        .layer(from_fn_with_state(state.clone(), http::traced))
         .with_state(state)
 }

@@ -67,6 +67,10 @@ pub struct Limits {
     /// Largest volume on the GPU, bytes of its texels. Larger ones are shown at a coarser level; so
     /// are those that the device has no room for, whatever is allowed here.
     pub max_texture_bytes: u64,
+    /// Memory of the GPU for all sessions together, bytes: volumes, pictures and what is kept to draw
+    /// them sooner. Beyond it what was not used for longest is dropped and made again when it is
+    /// needed, volumes are shown coarser, and what cannot fit gets 503.
+    pub max_gpu_bytes: u64,
     /// Most volumes being loaded at once.
     pub max_loads: usize,
     /// Most sessions in memory; where all of them have viewers, 503.
@@ -114,6 +118,7 @@ impl Default for Limits {
             max_builtin_voxels: 1 << 27,
             max_volume_memory_bytes: 8 << 30,
             max_texture_bytes: render::fit::DEFAULT_MAX_TEXTURE_BYTES,
+            max_gpu_bytes: render::DEFAULT_GPU_BYTES,
             max_loads: 2,
             max_sessions: 64,
             max_stored_sessions: 1000,

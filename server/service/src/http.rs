@@ -24,15 +24,17 @@ const REQUEST_ID_BYTES: usize = 8;
 
 /// Middleware: gives each request an id and logs how it ended. Addresses are logged as route
 /// templates: a file name in one may name a patient.
-pub async fn traced(request: Request, next: Next) -> Response {
+pub async fn traced(State(app): State<Arc<App>>, request: Request, next: Next) -> Response {
     let id = random_hex(REQUEST_ID_BYTES).unwrap_or_default();
     let route = request.extensions().get::<MatchedPath>().map_or("page", MatchedPath::as_str).to_owned();
     let method = request.method().clone();
     let began = Instant::now();
-    let span = tracing::info_span!("request", id, %method, route);
+    let span = tracing::info_span!("request", id, %method, route = route.as_str());
     let mut response = next.run(request).instrument(span.clone()).await;
     let _entered = span.entered();
-    let millis = began.elapsed().as_secs_f64() * 1e3;
+    let took = began.elapsed();
+    app.metrics().request(method.as_str(), &route, response.status(), took);
+    let millis = took.as_secs_f64() * 1e3;
     tracing::debug!(status = response.status().as_u16(), millis, "answered");
     if let Ok(value) = HeaderValue::from_str(&id) {
         response.headers_mut().insert(REQUEST_ID, value);

@@ -6,7 +6,7 @@
 //! Rooms: [`config`] (settings, limits), [`problem`] (errors as RFC 9457), [`origin`] (who may use
 //! the service from a browser), [`datasets`] (catalog, storage, uploads, volumes in memory),
 //! [`sessions`] (scenes and their edits), [`viewer`] (WebSocket), [`render_thread`] (who draws
-//! when), [`encode`] (pixels to bytes), [`openapi`], [`web`] (the page).
+//! when), [`encode`] (pixels to bytes), [`metrics`], [`openapi`], [`web`] (the page).
 //!
 //! Invariants: no lock is held across an await (a lint denies it); more than half a millisecond of
 //! work runs on blocking threads ([`blocking`]) or the render thread; every queue, body and cache
@@ -17,6 +17,7 @@ pub mod config;
 pub mod datasets;
 pub mod encode;
 mod http;
+pub mod metrics;
 pub mod openapi;
 pub mod origin;
 pub mod problem;

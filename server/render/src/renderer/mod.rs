@@ -25,16 +25,13 @@ use crate::uniforms::FrameUniform;
 use crate::view::{
     FILM_PIXEL_BYTES, FilmCache, LightTables, PICTURE_PIXEL_BYTES, TransferFunctionTables, View, ViewBuffers,
 };
-use crate::volume_texture::VolumeCache;
+use crate::volume_texture::{DEFAULT_GPU_BYTES, VolumeCache};
 use crate::warm_up::warm_up_scene;
 pub use tracing::PathEstimate;
 pub(crate) use tracing::PathFilm;
 
 /// Methods that can be drawn.
 pub const METHODS_BUILT: &[Method] = &[Method::Local, Method::PathTraced];
-
-/// GPU memory for volumes no view holds any more.
-const VOLUME_CACHE_BYTES: u64 = 2 << 30;
 
 /// Draws views. One per GPU, on the thread that owns submission.
 pub struct Renderer {
@@ -147,7 +144,7 @@ impl Renderer {
     /// # Errors
     /// Out of memory, or the driver refuses a shader.
     pub fn new(gpu: Arc<Gpu>) -> Result<Self, RenderError> {
-        let volumes = Arc::new(VolumeCache::new(gpu.clone(), VOLUME_CACHE_BYTES));
+        let volumes = Arc::new(VolumeCache::new(gpu.clone(), DEFAULT_GPU_BYTES));
         let ray_caster = RayCaster::new(gpu.clone());
         let path_tracer = PathTracer::new(gpu.clone());
         let tone_mapper = ToneMapper::new(gpu.clone())?;

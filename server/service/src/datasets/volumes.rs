@@ -154,6 +154,11 @@ impl Volumes {
         }
     }
 
+    /// Bytes of all voxels in memory.
+    pub fn bytes(&self) -> u64 {
+        self.state.lock().bytes()
+    }
+
     /// A level or region of a loaded volume, shared with whoever shows the same. Blocks.
     ///
     /// # Errors
@@ -294,12 +299,16 @@ impl State {
     }
 
     /// Drops unused volumes until `bytes` more fit.
+    /// Bytes of all voxels held.
+    fn bytes(&self) -> u64 {
+        let size = |volume: &PreparedVolume| volume.volume.voxels.bytes() as u64;
+        let parts: u64 = self.parts.iter().filter_map(Weak::upgrade).map(|part| size(&part)).sum();
+        self.ready.values().map(|ready| size(&ready.volume)).sum::<u64>().saturating_add(parts)
+    }
+
     fn make_room(&mut self, bytes: u64, memory: u64) -> Answer<()> {
-        let size = |ready: &Ready| ready.volume.volume.voxels.bytes() as u64;
         loop {
-            let parts = self.parts.iter().filter_map(Weak::upgrade);
-            let parts: u64 = parts.map(|part| part.volume.voxels.bytes() as u64).sum();
-            let held = self.ready.values().map(size).sum::<u64>().saturating_add(parts);
+            let held = self.bytes();
             if held.saturating_add(bytes) <= memory {
                 return Ok(());
             }

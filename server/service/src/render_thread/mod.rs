@@ -143,10 +143,11 @@ impl RenderThread {
     ///
     /// # Errors
     /// The device refuses, or the system has no thread left.
-    pub fn start(gpu: Arc<Gpu>, max_waiting_stills: usize) -> Result<Self, RenderError> {
+    pub fn start(gpu: Arc<Gpu>, max_waiting_stills: usize, max_gpu_bytes: u64) -> Result<Self, RenderError> {
         let device = gpu.info().clone();
         let mut renderer = Renderer::new(gpu)?;
         renderer.warm_up()?;
+        renderer.volumes().set_budget_bytes(max_gpu_bytes);
         let inbox = Inbox {
             viewers: HashMap::new(),
             stills: VecDeque::new(),
@@ -159,7 +160,7 @@ impl RenderThread {
             wake: Condvar::new(),
             volumes: Mutex::new(renderer.volumes().clone()),
         });
-        let worker = worker::Worker::new(renderer, shared.clone());
+        let worker = worker::Worker::new(renderer, shared.clone(), max_gpu_bytes);
         let thread = std::thread::Builder::new()
             .name("render".into())
             .spawn(move || worker.run())
@@ -264,6 +265,11 @@ impl RenderThread {
             // The thread drops the reply when the deadline passes or the service stops.
             Ok(Err(_)) | Err(_) => Err(too_slow()),
         }
+    }
+
+    /// Whether the thread is at work or waits for work.
+    pub fn is_alive(&self) -> bool {
+        self.thread.lock().as_ref().is_some_and(|thread| !thread.is_finished())
     }
 
     /// Ends the thread after its present slice and waits for it. Blocks.

@@ -59,6 +59,8 @@ pub(super) struct Watched {
     lost: u32,
     /// When the newest moving picture was begun.
     moving_began: Option<Instant>,
+    /// When it was last worked on.
+    worked: Instant,
     /// GPU time used, for fairness.
     pub(super) used: Duration,
 }
@@ -111,6 +113,7 @@ impl Watched {
             frame: 0,
             lost: 0,
             moving_began: None,
+            worked: Instant::now(),
             used: Duration::ZERO,
         }
     }
@@ -249,8 +252,26 @@ impl Watched {
             }
             Kind::Still => self.show_still(renderer, &drawn),
         };
-        self.used += began.elapsed();
+        self.worked = Instant::now();
+        self.used += self.worked.saturating_duration_since(began);
         result
+    }
+
+    /// GPU memory it keeps for itself.
+    pub(super) fn gpu_bytes(&self) -> u64 {
+        self.view.total_bytes()
+    }
+
+    /// What is dropped first is smallest: what nobody sees, then what was not worked on for longest.
+    pub(super) fn keep_order(&self) -> (bool, Instant) {
+        (self.input.visible, self.worked)
+    }
+
+    /// Drops what it keeps on the GPU; what is shown stays shown, and is drawn anew when it changes.
+    pub(super) fn drop_pictures(&mut self) {
+        self.view = View::new();
+        self.film = None;
+        self.drawing = None;
     }
 
     fn begin(&mut self, renderer: &Renderer, need: Need, time: Duration) -> Option<Drawing> {
@@ -417,9 +438,7 @@ impl Watched {
 
     /// The device was replaced: everything it held is gone.
     pub(super) fn forget(&mut self) {
-        self.view = View::new();
-        self.film = None;
-        self.drawing = None;
+        self.drop_pictures();
         self.shown = None;
         self.failed = None;
     }

@@ -23,6 +23,8 @@ pub(super) struct Worker {
     renderer: Renderer,
     shared: Arc<Shared>,
     software: bool,
+    /// For all that is on the GPU.
+    max_gpu_bytes: u64,
     viewers: HashMap<ViewerId, Watched>,
     still: Option<ActiveStill>,
     /// GPU time used by whoever worked last: who joins starts here, without arrears or credit.
@@ -44,12 +46,13 @@ enum Turn {
 }
 
 impl Worker {
-    pub(super) fn new(renderer: Renderer, shared: Arc<Shared>) -> Self {
+    pub(super) fn new(renderer: Renderer, shared: Arc<Shared>, max_gpu_bytes: u64) -> Self {
         let software = renderer.gpu().info().software;
         Self {
             renderer,
             shared,
             software,
+            max_gpu_bytes,
             viewers: HashMap::new(),
             still: None,
             clock: Duration::ZERO,
@@ -158,16 +161,44 @@ impl Worker {
                 let result = watched.advance(&mut self.renderer, need, slice, sharers);
                 self.clock = watched.used;
                 match result {
-                    Ok(()) => {}
+                    Ok(()) => self.keep_within_memory(Some(id)),
                     Err(RenderError::DeviceLost(reason)) => self.reopen(&reason),
+                    // Tried again with more room.
+                    Err(RenderError::OutOfMemory { .. }) if self.drop_one(Some(id)) => {
+                        self.keep_within_memory(Some(id));
+                    }
                     Err(error) => {
                         tracing::error!(%error, "drawing failed");
-                        watched.fail(&error);
+                        if let Some(watched) = self.viewers.get_mut(&id) {
+                            watched.fail(&error);
+                        }
                     }
                 }
             }
-            Turn::Still => self.advance_still(slice),
+            Turn::Still => {
+                self.advance_still(slice);
+                self.keep_within_memory(None);
+            }
         }
+    }
+
+    /// Drops what views keep, those first that cannot be seen and were not worked on for longest, as
+    /// long as more of the GPU's memory is in use than may be. The view at work keeps its own.
+    fn keep_within_memory(&mut self, at_work: Option<ViewerId>) {
+        let still = self.still.as_ref().map_or(0, |still| still.view.total_bytes());
+        let of_views = |worker: &Self| worker.viewers.values().map(Watched::gpu_bytes).sum::<u64>() + still;
+        self.renderer.volumes().charge_others(of_views(self));
+        while self.renderer.volumes().excess_bytes() > 0 && self.drop_one(at_work) {
+            self.renderer.volumes().charge_others(of_views(self));
+        }
+    }
+
+    /// Drops what one view keeps that is not at work; false if none keeps anything.
+    fn drop_one(&mut self, at_work: Option<ViewerId>) -> bool {
+        let others =
+            self.viewers.iter_mut().filter(|(id, view)| Some(**id) != at_work && view.gpu_bytes() > 0);
+        let least = others.min_by_key(|(_, view)| view.keep_order());
+        least.map(|(_, view)| view.drop_pictures()).is_some()
     }
 
     fn advance_still(&mut self, slice: Duration) {
@@ -219,6 +250,7 @@ impl Worker {
         let policy = if self.software { AdapterPolicy::Any } else { AdapterPolicy::HardwareOnly };
         match Gpu::open(policy).and_then(Renderer::new) {
             Ok(renderer) => {
+                renderer.volumes().set_budget_bytes(self.max_gpu_bytes);
                 *self.shared.volumes.lock() = renderer.volumes().clone();
                 self.renderer = renderer;
                 self.viewers.values_mut().for_each(Watched::forget);

@@ -37,6 +37,8 @@ use viewers::Viewer;
 
 /// Random hexadecimal digits of a session's identifier: whoever knows it may use the session.
 const ID_DIGITS: usize = 32;
+/// Digits by which sessions are told apart in the log.
+const DIGITS_IN_LOG: usize = 8;
 
 /// A scene and its viewers.
 pub struct Session {
@@ -110,6 +112,13 @@ impl State {
 }
 
 impl Session {
+    /// What it is called in the log. It gives nobody access.
+    pub fn name_in_log(&self) -> String {
+        let mut name = watch_id(&self.id);
+        name.truncate(DIGITS_IN_LOG);
+        name
+    }
+
     /// The identifier that allows what a role may do.
     fn id_for(&self, role: Role) -> String {
         match role {
@@ -314,7 +323,7 @@ impl Session {
         scene.camera = scene::Camera::from_file(&camera);
         if role == Role::Editor {
             state.file.camera = Some(camera);
-            state.scene.camera = scene.camera.clone();
+            state.scene.camera = scene.camera;
             app.sessions().store().changed(self);
         }
         let snapshot = Arc::new(Snapshot { epoch: state.epoch, scene });

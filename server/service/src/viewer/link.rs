@@ -24,6 +24,8 @@ pub struct LinkMeter {
     round_trips: VecDeque<Duration>,
     link: Link,
     acknowledged: u32,
+    /// From sending a frame to its acknowledgement, the newest, until it was asked for.
+    age: Option<Duration>,
 }
 
 #[derive(Debug)]
@@ -61,6 +63,11 @@ impl LinkMeter {
         self.acknowledged
     }
 
+    /// From sending the newest frame that was acknowledged to its acknowledgement; told once.
+    pub fn take_age(&mut self) -> Option<Duration> {
+        self.age.take()
+    }
+
     /// What is known so far.
     pub fn link(&self) -> Link {
         self.link
@@ -68,6 +75,7 @@ impl LinkMeter {
 
     fn measure(&mut self, sent: &Sent, decode_millis: f64, now: Instant) {
         let decode = Duration::try_from_secs_f64(decode_millis / 1e3).unwrap_or_default().min(MAX_DECODE);
+        self.age = Some(now.saturating_duration_since(sent.at));
         let round_trip = now.saturating_duration_since(sent.at).saturating_sub(decode);
         self.round_trips.push_back(round_trip);
         if self.round_trips.len() > LATENCY_WINDOW {

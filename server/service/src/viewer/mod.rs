@@ -20,6 +20,7 @@ use parking_lot::Mutex;
 use proto::control::{ClientMessage, PROTOCOL_VERSION, ServerMessage};
 use proto::rest::Problem;
 use tokio::sync::mpsc;
+use tracing::Instrument;
 
 use crate::App;
 use crate::problem::Fault;
@@ -108,9 +109,11 @@ async fn connection(app: Arc<App>, id: String, mut socket: WebSocket) {
         outputs,
         epochs,
     };
-    let writer = tokio::spawn(writer.run(sink, welcome));
+    // Not the session's identifier: whoever knows that may use it.
+    let span = tracing::info_span!("viewer", session = session.name_in_log(), viewer = member.number);
+    let writer = tokio::spawn(writer.run(sink, welcome).instrument(span.clone()));
     let reader = reader::Reader::new(app, member.clone(), meter, notes);
-    reader.run(stream, &writer).await;
+    reader.run(stream, &writer).instrument(span).await;
     // The writer ends when it has sent what the reader left, or gives up on a slow viewer.
     if let Err(error) = writer.await {
         tracing::error!(%error, "a viewer's connection failed");

@@ -213,10 +213,14 @@ impl Reader {
                 }
             }
             ClientMessage::Ack { frame, decode_millis } => {
-                let (acknowledged, link) = {
+                let (acknowledged, link, age) = {
                     let mut meter = self.meter.lock();
-                    (meter.acknowledged(frame, decode_millis, Instant::now()), meter.link())
+                    let acknowledged = meter.acknowledged(frame, decode_millis, Instant::now());
+                    (acknowledged, meter.link(), meter.take_age())
                 };
+                if let Some(age) = age {
+                    self.app.metrics().acknowledged(age);
+                }
                 self.app.renderer().update(self.member.render, |input| {
                     input.acknowledged = input.acknowledged.max(acknowledged);
                     input.link = link;

@@ -54,6 +54,8 @@ impl Writer {
         self.epochs.mark_unchanged();
         text(sink, &welcome).await?;
         let mut next_scene = tokio::time::Instant::now();
+        // No longer once another connection goes on with this viewer; the reader says what follows.
+        let mut drawn_for = true;
         let mut pings = tokio::time::interval(PING_INTERVAL);
         pings.reset();
         loop {
@@ -79,9 +81,9 @@ impl Writer {
                     let message = crate::blocking("telling a viewer the scene", message).await;
                     text(sink, &message.map_err(|_| Gone)?).await?;
                 }
-                output = self.outputs.recv() => match output {
+                output = self.outputs.recv(), if drawn_for => match output {
                     Some(output) => self.output(sink, output).await?,
-                    None => return Ok(()),
+                    None => drawn_for = false,
                 },
                 _ = pings.tick() => send(sink, Message::Ping(Bytes::new())).await?,
             }
@@ -99,10 +101,11 @@ impl Writer {
     async fn frame(&self, sink: &mut Sink, finished: FinishedFrame) -> Result<(), Gone> {
         let _permit = self.app.encodes.acquire().await.map_err(|_| Gone)?;
         let encoded = crate::blocking("encoding a frame", move || {
+            let began = Instant::now();
             let bytes = crate::encode::frame(&finished);
-            (bytes, finished)
+            (bytes, began.elapsed(), finished)
         });
-        let (bytes, finished) = encoded.await.map_err(|_| Gone)?;
+        let (bytes, encoding, finished) = encoded.await.map_err(|_| Gone)?;
         drop(_permit);
         let number = finished.header.frame;
         let bytes = match bytes {
@@ -120,7 +123,11 @@ impl Writer {
         let pixels = u64::from(finished.picture.width) * u64::from(finished.picture.height);
         let moving_pixels = matches!(finished.encoding, Encoding::Moving(_)).then_some(pixels);
         self.meter.lock().sent(number, bytes.len() as u64, moving_pixels, Instant::now());
+        let (length, began) = (bytes.len(), Instant::now());
         send(sink, Message::Binary(bytes.into())).await?;
+        let sending = began.elapsed();
+        self.app.metrics().frame(&finished, length, encoding, sending);
+        tracing::debug!(frame = number, epoch = finished.header.snapshot_epoch, bytes = length, "sent");
         text(sink, &ServerMessage::Report { frame: number, report: Box::new(finished.report) }).await
     }
 }

@@ -5,6 +5,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod datasets;
+mod operations;
 mod parts;
 mod returning;
 mod security;
