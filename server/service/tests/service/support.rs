@@ -172,16 +172,12 @@ impl Listening {
 
     /// A viewer that has said hello and was welcomed.
     pub async fn viewer(&self, session: &str) -> Viewer {
-        let mut viewer = self.silent_viewer(session).await;
-        viewer.send(&ClientMessage::Hello { protocol: 1, resume: None }).await;
-        assert!(matches!(viewer.message().await, ServerMessage::Welcome { .. }));
-        viewer
+        Viewer::greeted(&self.view_url(session)).await
     }
 
     /// A connection on which nothing was said.
     pub async fn silent_viewer(&self, session: &str) -> Viewer {
-        let (socket, _) = tokio_tungstenite::connect_async(self.view_url(session)).await.unwrap();
-        Viewer { socket, acknowledges: true, since: Instant::now() }
+        Viewer::connected(&self.view_url(session)).await
     }
 }
 
@@ -219,6 +215,19 @@ impl Frame {
 }
 
 impl Viewer {
+    async fn connected(url: &str) -> Self {
+        let (socket, _) = tokio_tungstenite::connect_async(url).await.unwrap();
+        Self { socket, acknowledges: true, since: Instant::now() }
+    }
+
+    /// One that has said hello and was welcomed.
+    pub async fn greeted(url: &str) -> Self {
+        let mut viewer = Self::connected(url).await;
+        viewer.send(&ClientMessage::Hello { protocol: 1, resume: None }).await;
+        assert!(matches!(viewer.message().await, ServerMessage::Welcome { .. }));
+        viewer
+    }
+
     pub async fn send(&mut self, message: &ClientMessage) {
         self.send_text(serde_json::to_string(message).unwrap()).await;
     }
