@@ -20,12 +20,15 @@ pub mod shaders;
 pub mod still;
 mod tables;
 pub mod uniforms;
+mod variants;
 mod view;
 mod volume_texture;
 mod warm_up;
 
 pub use error::RenderError;
 pub use gpu::{AdapterPolicy, Gpu};
-pub use renderer::{DrawRequest, Drawn, METHODS_BUILT, PathEstimate, Picture, Radiance, Renderer, check};
+pub use renderer::{
+    DrawRequest, Drawn, METHODS_BUILT, PathEstimate, Picture, Preparer, Radiance, Renderer, check,
+};
 pub use view::View;
 pub use volume_texture::{DEFAULT_GPU_BYTES, VolumeCache};

@@ -1,6 +1,5 @@
 //! Pipelines of method `path_traced`: `path_trace` and its variants, `restart_tiles`, `error`.
 
-use std::collections::HashMap;
 use std::sync::Arc;
 
 use proto::scene_file::Filter;
@@ -9,6 +8,7 @@ use scene::Scene;
 use crate::gpu::Gpu;
 use crate::ray_cast::Features;
 use crate::shaders;
+use crate::variants::Variants;
 
 /// Edge of a tile and of a `path_trace` workgroup, pixels.
 pub const TILE_EDGE: u32 = 8;
@@ -44,7 +44,7 @@ pub struct PathTracer {
     module: wgpu::ShaderModule,
     pub bind_group_layout: wgpu::BindGroupLayout,
     pipeline_layout: wgpu::PipelineLayout,
-    pipelines: HashMap<PathVariant, wgpu::ComputePipeline>,
+    pipelines: Variants<PathVariant>,
     /// Reads nothing, but the module declares it.
     pub sampler: wgpu::Sampler,
     pub restart: wgpu::ComputePipeline,
@@ -86,13 +86,14 @@ impl PathTracer {
             sampler: device.create_sampler(&wgpu::SamplerDescriptor::default()),
             bind_group_layout,
             pipeline_layout,
-            pipelines: HashMap::new(),
+            pipelines: Variants::default(),
             gpu,
         }
     }
 
-    pub fn pipeline(&mut self, variant: PathVariant) -> wgpu::ComputePipeline {
-        let Self { gpu, module, pipeline_layout, pipelines, .. } = self;
+    /// A variant's pipeline, compiled if need be; any thread may ask.
+    pub fn pipeline(&self, variant: PathVariant) -> wgpu::ComputePipeline {
+        let Self { gpu, module, pipeline_layout, .. } = self;
         let compile = || {
             let mut constants = variant.features.constants().to_vec();
             constants.push(("FILTER", if variant.nearest { 2.0 } else { 1.0 }));
@@ -109,7 +110,7 @@ impl PathTracer {
                 cache: None,
             })
         };
-        pipelines.entry(variant).or_insert_with(compile).clone()
+        self.pipelines.get(variant, compile)
     }
 }
 

@@ -1,6 +1,5 @@
 //! Pipeline `ray_cast` and its variants.
 
-use std::collections::HashMap;
 use std::sync::Arc;
 
 use proto::scene_file::{Brdf, Filter, Interpolation, Phase};
@@ -9,6 +8,7 @@ use scene::{Rendering, Scene};
 
 use crate::gpu::Gpu;
 use crate::shaders;
+use crate::variants::Variants;
 use crate::volume_texture::VolumeTexture;
 
 /// Edge of a `ray_cast` workgroup, pixels.
@@ -127,7 +127,7 @@ pub struct RayCaster {
     /// allows, filterable or not).
     filtering: Bindings,
     texel_wise: Bindings,
-    pipelines: HashMap<Variant, wgpu::ComputePipeline>,
+    pipelines: Variants<Variant>,
 }
 
 /// What a kind of variant binds.
@@ -147,7 +147,7 @@ impl RayCaster {
             source: wgpu::ShaderSource::Wgsl(shaders::RAY_CAST.into()),
         });
         let (filtering, texel_wise) = (Bindings::new(device, true), Bindings::new(device, false));
-        Self { gpu, module, filtering, texel_wise, pipelines: HashMap::new() }
+        Self { gpu, module, filtering, texel_wise, pipelines: Variants::default() }
     }
 
     /// What a variant binds.
@@ -155,10 +155,10 @@ impl RayCaster {
         if variant.filter == 0 { &self.filtering } else { &self.texel_wise }
     }
 
-    pub fn pipeline(&mut self, variant: Variant) -> wgpu::ComputePipeline {
-        let Self { gpu, module, filtering, texel_wise, pipelines } = self;
-        let layout =
-            if variant.filter == 0 { &filtering.pipeline_layout } else { &texel_wise.pipeline_layout };
+    /// A variant's pipeline, compiled if need be; any thread may ask.
+    pub fn pipeline(&self, variant: Variant) -> wgpu::ComputePipeline {
+        let Self { gpu, module, .. } = self;
+        let layout = &self.bindings(variant).pipeline_layout;
         let compile = || {
             let mut constants = variant.features.constants().to_vec();
             constants.push(("FILTER", f64::from(variant.filter)));
@@ -178,7 +178,7 @@ impl RayCaster {
                 cache: None,
             })
         };
-        pipelines.entry(variant).or_insert_with(compile).clone()
+        self.pipelines.get(variant, compile)
     }
 }
 

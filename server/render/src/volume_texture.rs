@@ -206,6 +206,11 @@ impl VolumeCache {
         entries.by_use.iter().map(|(_, texture)| texture.bytes).sum()
     }
 
+    /// The texture of a volume, if it is there.
+    pub fn loaded(&self, volume: &PreparedVolume) -> Option<Arc<VolumeTexture>> {
+        self.touch(&volume.content)
+    }
+
     fn touch(&self, content: &[u8; 32]) -> Option<Arc<VolumeTexture>> {
         let mut entries = self.entries.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         let position = entries.by_use.iter().position(|(hash, _)| hash == content)?;

@@ -5,6 +5,7 @@ mod bone;
 mod display;
 mod drawing;
 mod flip;
+mod load;
 mod methods;
 mod references;
 mod report;
@@ -35,6 +36,8 @@ enum Suite {
     Steps,
     /// Frames per second, latency and bytes of a streamed session.
     Stream,
+    /// Many viewers at once: what each gets, how evenly, and what a long job beside them costs.
+    Load,
 }
 
 #[derive(clap::Args)]
@@ -79,7 +82,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         match suite {
             Suite::Accuracy => drop(accuracy::chosen(&arguments.scenes, arguments.quick)?),
             Suite::Skip | Suite::Steps => drop(chosen_scenes(&arguments.scenes)?),
-            Suite::Stability | Suite::Stream => {}
+            Suite::Stability | Suite::Stream | Suite::Load => {}
         }
     }
     suites.into_iter().try_for_each(|suite| run_suite(suite, arguments))
@@ -102,6 +105,7 @@ fn run_suite(suite: Suite, arguments: &Arguments) -> anyhow::Result<()> {
         Suite::Skip => skip::run(&chosen_scenes(&arguments.scenes)?, arguments.quick, out),
         Suite::Steps => steps::run(&chosen_scenes(&arguments.scenes)?, out),
         Suite::Stream => stream::run(out),
+        Suite::Load => load::run(out),
     }
 }
 

@@ -86,6 +86,11 @@ impl Served {
         Ok(session.id)
     }
 
+    /// Bytes of all volumes on the GPU.
+    pub fn volume_bytes(&self) -> u64 {
+        self.state.renderer().volumes().bytes()
+    }
+
     /// A viewer of a session that has said hello and how large its picture is.
     ///
     /// # Errors

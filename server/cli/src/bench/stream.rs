@@ -11,7 +11,7 @@ use proto::{ClientMessage, SceneFile};
 use serde_json::json;
 
 use super::report::{Table, bar_chart, columns};
-use super::served::{Event, Frame, Served};
+use super::served::{Event, Frame, Served, Viewer};
 
 /// How long each case is measured, after a warm-up of a quarter of it.
 const MEASURED: Duration = Duration::from_secs(8);
@@ -26,17 +26,18 @@ struct Case {
     size: (u32, u32),
 }
 
-/// What one case gave.
-struct Measured {
-    frames: usize,
-    seconds: f64,
+/// What a viewer got.
+#[derive(Default)]
+pub(super) struct Measured {
+    pub frames: usize,
+    pub seconds: f64,
     /// Milliseconds from sending an input to having a frame that shows it, or a newer one.
-    latencies: Vec<f64>,
-    bytes: u64,
+    pub latencies: Vec<f64>,
+    pub bytes: u64,
     /// Mean share of the viewport's pixels that was drawn.
-    resolution: f64,
+    pub resolution: f64,
     /// Mean milliseconds: waiting for its turn, drawing, encoding.
-    stages: [f64; 3],
+    pub stages: [f64; 3],
 }
 
 pub fn run(out: &Path) -> anyhow::Result<()> {
@@ -85,17 +86,14 @@ async fn measure_all(out: &Path) -> anyhow::Result<()> {
     let mut bars = Vec::new();
     for case in cases()? {
         let measured = measure(&served, &case).await.with_context(|| case.name)?;
-        let mut latencies = measured.latencies;
-        latencies.sort_by(f64::total_cmp);
-        let percentile = |share: f64| latencies.get((latencies.len() as f64 * share) as usize).copied();
         let round = |x: f64| json!((x * 10.0).round() / 10.0);
         let frames_per_second = measured.frames as f64 / measured.seconds;
         bars.push((case.name.to_owned(), frames_per_second));
         table.rows.push(vec![
             json!(case.name),
             round(frames_per_second),
-            round(percentile(0.5).unwrap_or(f64::NAN)),
-            round(percentile(0.95).unwrap_or(f64::NAN)),
+            round(percentile(&measured.latencies, 0.5)),
+            round(percentile(&measured.latencies, 0.95)),
             json!(measured.bytes / measured.frames.max(1) as u64),
             json!((measured.resolution * 1000.0).round() / 1000.0),
             round(measured.stages[0]),
@@ -111,28 +109,34 @@ async fn measure_all(out: &Path) -> anyhow::Result<()> {
 /// A session over HTTP as any client makes it, then a viewer that orbits.
 async fn measure(served: &Served, case: &Case) -> anyhow::Result<Measured> {
     let session = served.session(&case.scene).await?;
-    let (width, height) = case.size;
-    let mut viewer = served.viewer(&session, case.size).await?;
+    let viewer = served.viewer(&session, case.size).await?;
+    orbiting(viewer, &case.scene, case.size, MEASURED).await
+}
+
+/// What a viewer gets that turns its camera sixty times a second for a time, after a warm-up of a
+/// quarter of it.
+///
+/// # Errors
+/// The connection breaks.
+pub(super) async fn orbiting(
+    mut viewer: Viewer,
+    scene: &SceneFile,
+    (width, height): (u32, u32),
+    time: Duration,
+) -> anyhow::Result<Measured> {
     let mut ticks = tokio::time::interval(INPUT_INTERVAL);
     let (mut seq, mut angle) = (1u32, 0.0f64);
     let mut sent: VecDeque<(u32, Instant)> = VecDeque::new();
-    let warm_up = MEASURED / 4;
+    let warm_up = time / 4;
     let began = Instant::now();
-    let mut measured = Measured {
-        frames: 0,
-        seconds: 0.0,
-        latencies: Vec::new(),
-        bytes: 0,
-        resolution: 0.0,
-        stages: [0.0; 3],
-    };
-    while began.elapsed() < warm_up + MEASURED {
+    let mut measured = Measured { seconds: time.as_secs_f64(), ..Measured::default() };
+    while began.elapsed() < warm_up + time {
         tokio::select! {
             _ = ticks.tick() => {
                 seq += 1;
                 angle += TURN;
                 sent.push_back((seq, Instant::now()));
-                viewer.send(&ClientMessage::Camera { seq, camera: orbit(&case.scene, angle) }).await?;
+                viewer.send(&ClientMessage::Camera { seq, camera: orbit(scene, angle) }).await?;
             }
             event = viewer.event() => {
                 let Event::Frame(Frame { header, bytes, .. }) = event? else { continue };
@@ -155,11 +159,17 @@ async fn measure(served: &Served, case: &Case) -> anyhow::Result<Measured> {
             }
         }
     }
-    measured.seconds = MEASURED.as_secs_f64();
     measured.resolution /= measured.frames.max(1) as f64;
     measured.stages.iter_mut().for_each(|sum| *sum /= measured.frames.max(1) as f64);
     viewer.close().await?;
     Ok(measured)
+}
+
+/// The value below which a share of some values lies; NaN if there are none.
+pub(super) fn percentile(values: &[f64], share: f64) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get((sorted.len() as f64 * share) as usize).copied().unwrap_or(f64::NAN)
 }
 
 /// The scene's camera turned about its target around the world's y axis.

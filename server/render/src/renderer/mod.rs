@@ -18,8 +18,8 @@ use scene::{Integrator, Scene, Snapshot};
 use crate::error::RenderError;
 use crate::film::ToneMapper;
 use crate::gpu::Gpu;
-use crate::path_tracer::PathTracer;
-use crate::ray_cast::{RayCaster, WORKGROUP_EDGE};
+use crate::path_tracer::{PathTracer, PathVariant};
+use crate::ray_cast::{RayCaster, Variant, WORKGROUP_EDGE};
 use crate::tables;
 use crate::uniforms::FrameUniform;
 use crate::view::{
@@ -37,8 +37,8 @@ pub const METHODS_BUILT: &[Method] = &[Method::Local, Method::PathTraced];
 pub struct Renderer {
     gpu: Arc<Gpu>,
     volumes: Arc<VolumeCache>,
-    ray_caster: RayCaster,
-    path_tracer: PathTracer,
+    ray_caster: Arc<RayCaster>,
+    path_tracer: Arc<PathTracer>,
     tone_mapper: ToneMapper,
 }
 
@@ -83,6 +83,37 @@ impl Drawn {
             stages: self.stages.clone(),
             counters: self.counters.clone(),
             gpu_bytes: self.gpu_bytes.clone(),
+        }
+    }
+}
+
+/// Makes ready for scenes ahead of their first picture, on other threads than the one that draws: a
+/// new shader variant there would hold up everybody.
+#[derive(Clone)]
+pub struct Preparer {
+    volumes: Arc<VolumeCache>,
+    ray_caster: Arc<RayCaster>,
+    path_tracer: Arc<PathTracer>,
+}
+
+impl Preparer {
+    /// Volume textures.
+    pub fn volumes(&self) -> &Arc<VolumeCache> {
+        &self.volumes
+    }
+
+    /// Compiles what a scene needs whose volume is on the GPU: the pipeline of its pictures, and that
+    /// of pictures in view-ray segments, which edits will ask for. Blocks while it compiles.
+    pub fn compile(&self, scene: &Scene) {
+        if scene.integrator() == Integrator::PathTracer {
+            self.path_tracer.pipeline(PathVariant::of(scene));
+            return;
+        }
+        let Some(texture) = self.volumes.loaded(&scene.volume) else { return };
+        let variant = Variant::of(scene, &texture);
+        self.ray_caster.pipeline(variant);
+        if variant.mode == 0 && scene.sampling.segments > 1 {
+            self.ray_caster.pipeline(Variant { keep_segments: true, ..variant });
         }
     }
 }
@@ -145,8 +176,8 @@ impl Renderer {
     /// Out of memory, or the driver refuses a shader.
     pub fn new(gpu: Arc<Gpu>) -> Result<Self, RenderError> {
         let volumes = Arc::new(VolumeCache::new(gpu.clone(), DEFAULT_GPU_BYTES));
-        let ray_caster = RayCaster::new(gpu.clone());
-        let path_tracer = PathTracer::new(gpu.clone());
+        let ray_caster = Arc::new(RayCaster::new(gpu.clone()));
+        let path_tracer = Arc::new(PathTracer::new(gpu.clone()));
         let tone_mapper = ToneMapper::new(gpu.clone())?;
         gpu.take_error()?;
         Ok(Self { gpu, volumes, ray_caster, path_tracer, tone_mapper })
@@ -170,6 +201,15 @@ impl Renderer {
             self.picture(&mut view)?;
         }
         Ok(())
+    }
+
+    /// What can be done ahead of time on other threads.
+    pub fn preparer(&self) -> Preparer {
+        Preparer {
+            volumes: self.volumes.clone(),
+            ray_caster: self.ray_caster.clone(),
+            path_tracer: self.path_tracer.clone(),
+        }
     }
 
     /// Volume textures; [`VolumeCache::load`] may be called ahead of time from another thread.

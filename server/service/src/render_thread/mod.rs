@@ -19,9 +19,9 @@ use parking_lot::{Condvar, Mutex};
 use proto::frame::FrameHeader;
 use proto::plan::FrameReport;
 use proto::rest::DeviceInfo;
-use render::{Gpu, Picture, Radiance, RenderError, Renderer, VolumeCache};
-use scene::Snapshot;
+use render::{Gpu, Picture, Preparer, Radiance, RenderError, Renderer, VolumeCache};
 use scene::plan::Target;
+use scene::{Scene, Snapshot};
 use tokio::sync::{mpsc, oneshot};
 
 pub use pace::Link;
@@ -117,7 +117,7 @@ pub enum Still {
 struct Shared {
     inbox: Mutex<Inbox>,
     wake: Condvar,
-    volumes: Mutex<Arc<VolumeCache>>,
+    preparer: Mutex<Preparer>,
 }
 
 struct Inbox {
@@ -158,7 +158,7 @@ impl RenderThread {
         let shared = Arc::new(Shared {
             inbox: Mutex::new(inbox),
             wake: Condvar::new(),
-            volumes: Mutex::new(renderer.volumes().clone()),
+            preparer: Mutex::new(renderer.preparer()),
         });
         let worker = worker::Worker::new(renderer, shared.clone(), max_gpu_bytes);
         let thread = std::thread::Builder::new()
@@ -175,7 +175,13 @@ impl RenderThread {
 
     /// Volume textures; uploading ahead of time keeps it off the render thread.
     pub fn volumes(&self) -> Arc<VolumeCache> {
-        self.shared.volumes.lock().clone()
+        self.shared.preparer.lock().volumes().clone()
+    }
+
+    /// Compiles what a scene's pictures need, on this thread instead of the one that draws. Blocks.
+    pub fn prepare(&self, scene: &Scene) {
+        let preparer = self.shared.preparer.lock().clone();
+        preparer.compile(scene);
     }
 
     /// Adds a viewer; its frames come through `outputs`, which should hold

@@ -251,7 +251,7 @@ impl Worker {
         match Gpu::open(policy).and_then(Renderer::new) {
             Ok(renderer) => {
                 renderer.volumes().set_budget_bytes(self.max_gpu_bytes);
-                *self.shared.volumes.lock() = renderer.volumes().clone();
+                *self.shared.preparer.lock() = renderer.preparer();
                 self.renderer = renderer;
                 self.viewers.values_mut().for_each(Watched::forget);
             }

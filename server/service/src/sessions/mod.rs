@@ -280,6 +280,7 @@ impl Session {
         author: Option<(u32, Instant)>,
     ) -> Announcement {
         let Checked { file, loaded, scene } = checked;
+        app.renderer().prepare(&scene);
         state.file = file;
         state.loaded = loaded;
         state.scene = scene;

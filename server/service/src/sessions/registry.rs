@@ -123,7 +123,13 @@ impl Sessions {
         let (shared, source) = (app.clone(), file.volume.clone());
         let asked = crate::blocking("opening a session", move || Asked::of(&shared, &source)).await??;
         let loaded = Loaded::load(app, asked, |_| {}).await?;
-        let checked = crate::blocking("opening a session", move || loaded.check(file)).await??;
+        let shared = app.clone();
+        let checked = crate::blocking("opening a session", move || {
+            let checked = loaded.check(file)?;
+            shared.renderer().prepare(&checked.scene);
+            Ok::<_, Fault>(checked)
+        });
+        let checked = checked.await??;
         // Others may have been opened meanwhile.
         self.make_room(app)?;
         let session = Arc::new(Session::new(id.clone(), checked, stored.as_ref()));
