@@ -95,6 +95,26 @@ pub struct Dataset {
     pub attribution: Option<String>,
 }
 
+/// Light from all directions that a scene can be lit by; `image` of an environment light names it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, TS, ToSchema)]
+pub struct Environment {
+    /// Identifier: content hash of an upload, or the sample's name.
+    pub id: String,
+    /// For people.
+    pub name: String,
+    /// Samples come with the service and cannot be deleted.
+    pub sample: bool,
+    /// Texels around the horizon, after shrinking.
+    pub width: u32,
+    /// Texels from pole to pole.
+    pub height: u32,
+    /// Size of the upload, bytes; 0 for samples.
+    #[ts(type = "number")]
+    pub bytes: u64,
+    /// What the reader wants to be known.
+    pub notices: Vec<String>,
+}
+
 /// What is shown of a volume, where that is not the whole of it at full resolution.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, TS, ToSchema)]
 #[ts(optional_fields)]

@@ -602,7 +602,8 @@ pub struct EnvironmentLight {
     /// Uniform radiance.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radiance: Option<[f64; 3]>,
-    /// Latitude-longitude image, row 0 = +y.
+    /// Latitude-longitude image, row 0 = +y: a file beside a scene on disk, or the identifier of an
+    /// environment of the service.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub image: Option<String>,
     /// Multiplies the image, default 1.

@@ -72,6 +72,7 @@ pub fn typescript() -> String {
         rest::DeviceInfo,
         rest::Status,
         rest::Dataset,
+        rest::Environment,
         rest::ShownVolume,
         rest::Histogram,
         rest::RegionHistogram,

@@ -18,6 +18,7 @@ use crate::config::Config;
 use crate::datasets::samples::Samples;
 use crate::datasets::volumes::{Key, Volumes};
 use crate::datasets::{Catalog, describe};
+use crate::environments::Environments;
 use crate::metrics::{self, Metrics};
 use crate::problem::{Answer, Fault, as_problems};
 use crate::render_thread::{RenderThread, render_fault};
@@ -34,6 +35,7 @@ pub struct App {
     catalog: Arc<Catalog>,
     samples: Arc<Samples>,
     volumes: Arc<Volumes>,
+    environments: Environments,
     sessions: Sessions,
     renderer: RenderThread,
     metrics: Metrics,
@@ -62,12 +64,15 @@ impl App {
         let catalog = Arc::new(catalog);
         let samples = Arc::new(Samples::new(catalog.storage().clone(), limits));
         let volumes = Arc::new(Volumes::new(catalog.clone(), samples.clone(), limits));
+        let environments = Environments::open(config.data.join("environments"), limits)
+            .map_err(|source| in_data(&config, source))?;
         let sessions = Sessions::open(&config).map_err(|source| in_data(&config, source))?;
         let renderer = RenderThread::start(gpu, limits.max_waiting_stills, limits.max_gpu_bytes)?;
         let processors = std::thread::available_parallelism().map_or(1, usize::from);
         Ok(Arc::new(Self {
             renderer,
             metrics: Metrics::new(),
+            environments,
             sessions,
             viewers: Arc::new(Semaphore::new(limits.max_viewers)),
             uploads: Semaphore::new(limits.max_uploads),
@@ -104,7 +109,12 @@ impl App {
         &self.volumes
     }
 
-    /// Open sessions.
+    /// Light from all directions.
+    pub fn environments(&self) -> &Environments {
+        &self.environments
+    }
+
+    /// Sessions, in memory and on disk.
     pub fn sessions(&self) -> &Sessions {
         &self.sessions
     }

@@ -56,6 +56,10 @@ pub struct Limits {
     pub max_json_bytes: usize,
     /// Most stored datasets.
     pub max_datasets: usize,
+    /// Most uploaded environments; beyond it 507.
+    pub max_environments: usize,
+    /// Largest uploaded environment, bytes.
+    pub max_environment_bytes: usize,
     /// Most bytes of all stored datasets; beyond it uploads get 507.
     pub max_storage_bytes: u64,
     /// Largest volume in memory, bytes of its voxels.
@@ -113,6 +117,8 @@ impl Default for Limits {
             max_uploads: 4,
             max_json_bytes: 1 << 20,
             max_datasets: 1000,
+            max_environments: 200,
+            max_environment_bytes: 256 << 20,
             max_storage_bytes: 64 << 30,
             max_voxel_bytes: 4 << 30,
             max_builtin_voxels: 1 << 27,

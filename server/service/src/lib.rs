@@ -5,7 +5,8 @@
 //!
 //! Rooms: [`config`] (settings, limits), [`problem`] (errors as RFC 9457), [`origin`] (who may use
 //! the service from a browser), [`datasets`] (catalog, storage, uploads, volumes in memory),
-//! [`sessions`] (scenes and their edits), [`viewer`] (WebSocket), [`render_thread`] (who draws
+//! [`environments`] (light from all
+//! directions), [`sessions`] (scenes and their edits), [`viewer`] (WebSocket), [`render_thread`] (who draws
 //! when), [`encode`] (pixels to bytes), [`metrics`], [`openapi`], [`web`] (the page).
 //!
 //! Invariants: no lock is held across an await (a lint denies it); more than half a millisecond of
@@ -16,6 +17,7 @@ mod app;
 pub mod config;
 pub mod datasets;
 pub mod encode;
+pub mod environments;
 mod http;
 pub mod metrics;
 pub mod openapi;

@@ -11,7 +11,7 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use crate::App;
-use crate::{datasets, sessions, viewer};
+use crate::{datasets, environments, sessions, viewer};
 
 #[derive(OpenApi)]
 #[openapi(
@@ -28,6 +28,7 @@ use crate::{datasets, sessions, viewer};
     tags(
         (name = "service", description = "The service itself"),
         (name = "datasets", description = "Volumes that can be explored"),
+        (name = "environments", description = "Light from all directions"),
         (name = "sessions", description = "Scenes being explored"),
     )
 )]
@@ -42,6 +43,9 @@ pub fn api() -> OpenApiRouter<Arc<App>> {
         .routes(routes!(datasets::routes::histogram))
         .routes(routes!(datasets::routes::thumbnail))
         .routes(routes!(datasets::routes::scene))
+        .routes(routes!(environments::routes::list))
+        .routes(routes!(environments::routes::put, environments::routes::delete))
+        .routes(routes!(environments::routes::preview))
         .routes(routes!(sessions::routes::list, sessions::routes::create))
         .routes(routes!(sessions::routes::get, sessions::routes::delete))
         .routes(routes!(

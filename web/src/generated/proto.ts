@@ -396,7 +396,8 @@ enabled: boolean,
  */
 radiance?: [number, number, number], 
 /**
- * Latitude-longitude image, row 0 = +y.
+ * Latitude-longitude image, row 0 = +y: a file beside a scene on disk, or the identifier of an
+ * environment of the service.
  */
 image?: string, 
 /**
@@ -746,6 +747,36 @@ choices: Array<string>,
  * Where the data comes from and under which licence, where that is known.
  */
 attribution?: string, };
+
+export type Environment = { 
+/**
+ * Identifier: content hash of an upload, or the sample's name.
+ */
+id: string, 
+/**
+ * For people.
+ */
+name: string, 
+/**
+ * Samples come with the service and cannot be deleted.
+ */
+sample: boolean, 
+/**
+ * Texels around the horizon, after shrinking.
+ */
+width: number, 
+/**
+ * Texels from pole to pole.
+ */
+height: number, 
+/**
+ * Size of the upload, bytes; 0 for samples.
+ */
+bytes: number, 
+/**
+ * What the reader wants to be known.
+ */
+notices: Array<string>, };
 
 export type ShownVolume = { 
 /**

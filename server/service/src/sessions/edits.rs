@@ -76,8 +76,8 @@ impl Loaded {
     ///
     /// # Errors
     /// The field at fault.
-    pub(super) fn check(self: Arc<Self>, file: SceneFile) -> Answer<Checked> {
-        check_with(file, self).map_err(Fault::from)
+    pub(super) fn check(self: Arc<Self>, app: &App, file: SceneFile) -> Answer<Checked> {
+        check_with(app, file, self).map_err(Fault::from)
     }
 
     /// What its dataset is.
@@ -166,11 +166,13 @@ pub(super) fn check(
     let asked = Asked::of(app, &file.volume)?;
     let ready = [Some(current.loaded), loaded].into_iter().flatten().find(|ready| ready.serves(&asked));
     let Some(ready) = ready else { return Err(Refusal::Needs(asked)) };
-    check_with(file, ready.clone()).map_err(Refusal::Field)
+    check_with(app, file, ready.clone()).map_err(Refusal::Field)
 }
 
-fn check_with(mut file: SceneFile, loaded: Arc<Loaded>) -> Result<Checked, FieldError> {
-    let scene = Scene::new(&file, loaded.volume.clone())?;
+fn check_with(app: &App, mut file: SceneFile, loaded: Arc<Loaded>) -> Result<Checked, FieldError> {
+    file.validate()?;
+    let images = app.environments().images_of(&file)?;
+    let scene = Scene::with_images(&file, loaded.volume.clone(), &images)?;
     render::check(&scene)?;
     file.camera = Some(filled_camera(&file, &scene));
     Ok(Checked { file, loaded, scene })

@@ -125,7 +125,7 @@ impl Sessions {
         let loaded = Loaded::load(app, asked, |_| {}).await?;
         let shared = app.clone();
         let checked = crate::blocking("opening a session", move || {
-            let checked = loaded.check(file)?;
+            let checked = loaded.check(&shared, file)?;
             shared.renderer().prepare(&checked.scene);
             Ok::<_, Fault>(checked)
         });
