@@ -32,7 +32,7 @@ browser_tests() {
 
 shell_scripts() {
   if have shellcheck; then
-    shellcheck --external-sources tools/*.sh .ci/run
+    shellcheck --external-sources tools/*.sh docker/*.sh .ci/run
   else
     say "left out: shellcheck is not installed"
   fi

@@ -1,7 +1,8 @@
-//! The `tyndall` command: `serve`, `render`, `bench`, `import`, `doctor`.
+//! The `tyndall` command: `serve`, `render`, `bench`, `import`, `doctor`, `health`.
 
 mod bench;
 mod doctor;
+mod health;
 mod import;
 mod render_command;
 mod scene_on_disk;
@@ -31,6 +32,8 @@ enum Command {
     Import(import::Arguments),
     /// Says which GPU is used, its limits, and what will be slow.
     Doctor(doctor::Arguments),
+    /// Asks a running service whether it can do its work; for containers and supervisors.
+    Health(health::Arguments),
 }
 
 /// Exit code for input that was refused; 1 is for everything else that fails.
@@ -53,6 +56,7 @@ fn main() -> ExitCode {
         Command::Bench(arguments) => bench::run(&arguments),
         Command::Import(arguments) => import::run(&arguments),
         Command::Doctor(arguments) => doctor::run(&arguments),
+        Command::Health(arguments) => health::run(&arguments),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
