@@ -17,7 +17,7 @@ if (!root) throw new Error("index.html has no #root");
 start();
 createRoot(root).render(
   <StrictMode>
-    <MantineProvider theme={theme} withCssVariables={false} withGlobalClasses={false} defaultColorScheme="dark">
+    <MantineProvider theme={theme} withCssVariables={false} withGlobalClasses={false} defaultColorScheme="auto">
       <Notifications position="bottom-center" limit={3} />
       <App />
     </MantineProvider>

@@ -51,13 +51,13 @@ export function App() {
   return (
     <div className="page" data-left={left} data-right={right}>
       <TopBar />
-      {left && <aside className="panel panel-left" data-testid="panel-left"><DatasetsPanel /></aside>}
+      {left && <aside className="panel panel-left" aria-label="Datasets" data-testid="panel-left"><DatasetsPanel /></aside>}
       <main className="stage" data-statistics={statistics}>
         <Viewport />
         {statistics && <StatisticsPanel />}
       </main>
       {right && (
-        <aside className="panel panel-right" data-testid="panel-right">
+        <aside className="panel panel-right" aria-label="Scene" data-testid="panel-right">
           <RenderingPanel />
           <TransferPanel />
           <MaterialsPanel />
