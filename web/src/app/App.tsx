@@ -46,7 +46,7 @@ export function App() {
 
   // What was selected belongs to the scene before.
   const sessionId = useSession((state) => state.sessionId);
-  useEffect(() => void useUi.setState({ selectedPoint: null, selectedLight: null }), [sessionId]);
+  useEffect(() => void useUi.setState({ selectedPoints: [], selectedLight: null }), [sessionId]);
 
   return (
     <div className="page" data-left={left} data-right={right}>

@@ -32,7 +32,8 @@ interface Passing {
   /** The panel that lies over the picture of a narrow page: one at a time. */
   sheet: Side | null;
   helpOpen: boolean;
-  selectedPoint: number | null;
+  /** Points of the transfer function, ascending. */
+  selectedPoints: readonly number[];
   /** Index of the light whose handles are shown. */
   selectedLight: number | null;
 }
@@ -63,7 +64,7 @@ export const useUi = create<Kept & Passing & Actions>()(
       narrow: narrowPage.matches,
       sheet: null,
       helpOpen: false,
-      selectedPoint: null,
+      selectedPoints: [],
       selectedLight: null,
       toggleSection: (id) => set(({ closedSections }) => ({
         closedSections: closedSections.includes(id) ? closedSections.filter((other) => other !== id) : [...closedSections, id],
