@@ -34,6 +34,8 @@ interface Passing {
   helpOpen: boolean;
   /** Points of the transfer function, ascending. */
   selectedPoints: readonly number[];
+  /** Clip box and planes are pulled in the picture. */
+  clipHandles: boolean;
   /** Index of the light whose handles are shown. */
   selectedLight: number | null;
 }
@@ -66,6 +68,7 @@ export const useUi = create<Kept & Passing & Actions>()(
       helpOpen: false,
       selectedPoints: [],
       selectedLight: null,
+      clipHandles: false,
       toggleSection: (id) => set(({ closedSections }) => ({
         closedSections: closedSections.includes(id) ? closedSections.filter((other) => other !== id) : [...closedSections, id],
       })),
