@@ -4,6 +4,7 @@ import { useEffect } from "react";
 import { DatasetsPanel } from "../datasets/DatasetsPanel";
 import { DropZone } from "../datasets/DropZone";
 import { refreshDatasets } from "../datasets/store";
+import { Gallery } from "../gallery/Gallery";
 import { LightsPanel } from "../lights/LightsPanel";
 import { MaterialsPanel } from "../materials/MaterialsPanel";
 import { ClipPanel } from "../quality/ClipPanel";
@@ -68,6 +69,7 @@ export function App() {
       )}
       <StatusLine />
       <HelpSheet />
+      <Gallery />
       <DropZone />
     </div>
   );

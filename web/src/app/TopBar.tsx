@@ -36,6 +36,7 @@ export function TopBar() {
       <IconButton icon="save" label="Save the scene as a file" disabled={!hasScene} onClick={saveScene} testId="save-scene" />
       <IconButton icon="share" label="Copy a link to this scene" disabled={!hasScene} onClick={() => void copyShareLink().catch(sayError)} testId="share" />
       <span className="top-rule" />
+      <IconButton icon="grid" label="Sessions on this server" hotkey="G" onClick={() => useUi.setState({ galleryOpen: true })} testId="gallery-open" />
       <IconButton icon={dark ? "sun" : "moon"} label={dark ? "Light theme, for projectors and print" : "Dark theme"} onClick={toggleTheme} testId="toggle-theme" />
       <IconButton icon="help" label="Keys and gestures" hotkey="?" onClick={() => useUi.setState({ helpOpen: true })} testId="help" />
       <IconButton icon="panelRight" label="Transfer function and lights" hotkey="]" active={right} onClick={() => toggle("right")} testId="toggle-right" />

@@ -47,6 +47,7 @@ export const bindings: readonly Binding[] = [
   { keys: ["z"], shift: true, shown: "Shift Z or Ctrl Shift Z", does: "Redo", run: () => session.redo() },
   { keys: ["["], shown: "[", does: "Fold the left panel", run: flipLeft },
   { keys: ["]"], shown: "]", does: "Fold the right panel", run: flipRight },
+  { keys: ["g"], shown: "G", does: "Sessions on this server", run: () => void useUi.setState(({ galleryOpen }) => ({ galleryOpen: !galleryOpen })) },
   { keys: ["i"], shown: "I", does: "Statistics", run: () => void useUi.setState((ui) => ({ statisticsOpen: !ui.statisticsOpen })) },
   { keys: ["?"], shown: "?", does: "This sheet", run: () => void useUi.setState((ui) => ({ helpOpen: !ui.helpOpen })) },
 ];

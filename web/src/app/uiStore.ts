@@ -32,6 +32,7 @@ interface Passing {
   /** The panel that lies over the picture of a narrow page: one at a time. */
   sheet: Side | null;
   helpOpen: boolean;
+  galleryOpen: boolean;
   /** Points of the transfer function, ascending. */
   selectedPoints: readonly number[];
   /** Clip box and planes are pulled in the picture. */
@@ -66,6 +67,7 @@ export const useUi = create<Kept & Passing & Actions>()(
       narrow: narrowPage.matches,
       sheet: null,
       helpOpen: false,
+      galleryOpen: false,
       selectedPoints: [],
       selectedLight: null,
       clipHandles: false,
