@@ -55,8 +55,8 @@ export function ColourMaps() {
           <Switch checked={reversed} label="Other way round" data-testid="tf-colours-reversed" onChange={(event) => setReversed(event.currentTarget.checked)} />
           {colourMapGroups.map(({ label, maps }) => (
             <section key={label}>
-              <h3>{label}</h3>
-              <ul>
+              <p>{label}</p>
+              <ul aria-label={label}>
                 {maps.map((map) => (
                   <li key={map.id}>
                     <button type="button" className="colour-map" data-testid={`tf-map-${map.id}`} onClick={() => {

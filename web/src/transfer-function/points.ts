@@ -92,11 +92,16 @@ export const changePoints = (
   change: (point: TransferFunctionPoint) => TransferFunctionPoint,
 ): TransferFunctionPoint[] => points.map((point, i) => (indices.includes(i) ? change(point) : point));
 
-/** Puts points into the curve in place of those between the first and the last of them; `indices` tells where they are. */
+/**
+ * Puts points into the curve in place of those between the first and the last of them; `indices`
+ * tells where they are. Of a step at an end its outer side stays.
+ */
 export function insertPoints(points: Points, added: Points): { points: TransferFunctionPoint[]; indices: number[] } {
   const [low, high] = [added[0]?.s ?? 0, added.at(-1)?.s ?? 0];
-  const before = points.filter(({ s }) => s < low);
-  const after = points.filter(({ s }) => s > high);
+  const lastBelow = points.findLastIndex(({ s }) => s <= low);
+  const firstAbove = points.findIndex(({ s }) => s >= high);
+  const before = points.filter(({ s }, i) => s < low || (s === low && i < lastBelow));
+  const after = points.filter(({ s }, i) => s > high || (s === high && low < high && i > firstAbove));
   if (before.length + added.length + after.length > MAX_TRANSFER_FUNCTION_POINTS) return { points: [...points], indices: [] };
   return { points: [...before, ...added, ...after], indices: added.map((_, i) => before.length + i) };
 }

@@ -97,6 +97,9 @@ describe("points", () => {
     const added = insertPoints(points, [point(0.3, 0.5), point(0.5, 0.6)]);
     expect(added.points.map(({ s }) => s)).toEqual([0, 0.3, 0.5, 0.6, 1]);
     expect(added.indices).toEqual([1, 2]);
+    const steps = [point(0, 0), point(0.3, 0.1), point(0.3, 0.2), point(0.6, 0.2), point(0.6, 0.1), point(1, 0)];
+    expect(insertPoints(steps, steps.slice(2, 4)).points).toEqual(steps);
+    expect(insertPoints(steps, steps.slice(2, 3)).points).toEqual(steps);
   });
 
   it("are added with the matter found there", () => {

@@ -87,12 +87,14 @@ export function useCurveKeys({ plot, points, setWindow, pointerX, busy, onNumber
 
   return {
     focus: (index) => {
-      if (busy() || marking.current || selected().includes(index)) return;
-      select([index]);
+      if (selected().length === 0) marking.current = false;
+      if (!busy() && !marking.current && selected().length <= 1) select([index]);
     },
     onPoint: (event, index) => {
       if (event.key === " ") {
-        if (marking.current || !selected().includes(index)) select(withToggled(selected(), index));
+        // The first press marks the point that the focus has selected.
+        const only = selected().length === 1 && selected()[0] === index;
+        if (marking.current || !only) select(withToggled(selected(), index));
         marking.current = true;
       } else if (event.key === "Escape") {
         marking.current = false;
