@@ -1,7 +1,7 @@
 /** One table of keys: it drives the handler and the help sheet. */
 
 import { session } from "../session/engine";
-import { toggleMeasuring } from "../viewport/probing";
+import { pivotAtMiddle, toggleMeasuring } from "../viewport/probing";
 import { moveWindow, toggleWindowing, useWindowing } from "../viewport/windowing";
 import { lookAtNumber, resetView, toggleFullScreen, turn, zoomStep } from "../viewport/actions";
 import { saveStill } from "./files";
@@ -38,6 +38,7 @@ export const bindings: readonly Binding[] = [
   { keys: ["-", "_"], shown: "−", does: "Farther", run: () => zoomStep(-1) },
   { keys: ["1", "2", "3", "4", "5", "6"], shown: "1 – 6", does: "Front, back, left, right, top, bottom", run: (key) => lookAtNumber(Number(key)) },
   { keys: ["r"], shown: "R", does: "Back to the starting view", run: resetView },
+  { keys: ["p"], shown: "P", does: "Pivot on what is in the middle", run: () => void pivotAtMiddle() },
   { keys: ["f"], shown: "F", does: "Full screen", run: () => void toggleFullScreen().catch(sayError) },
   { keys: ["s"], shown: "S", does: "Save a still as PNG", run: () => void saveStill() },
   { keys: ["m"], shown: "M", does: "Measure a distance: press two places", run: toggleMeasuring },
