@@ -3,6 +3,7 @@
  * goes parallel to the picture; with Shift, up and down go away from the viewer and towards them.
  */
 
+import { useState } from "react";
 import { useUi } from "../app/uiStore";
 import type { Light } from "../generated/proto";
 import { hexFromLinear } from "../scene/colour";
@@ -19,6 +20,8 @@ import { aimAt, lightHue, lightNames, moveBy, placeOf, withIds } from "./lights"
 const KEY_PIXELS = 4;
 
 export function LightGizmo({ viewport }: { viewport: ViewportSize }) {
+  // While a light is aimed the handle stays under the pointer.
+  const [target, setTarget] = useState<Triple | null>(null);
   const selected = useUi((ui) => ui.selectedLight);
   const lights = useSession((state) => state.scene?.lights);
   const camera = useSession((state) => state.scene?.camera);
@@ -30,8 +33,12 @@ export function LightGizmo({ viewport }: { viewport: ViewportSize }) {
   const change = (to: Light, key: string | null) => session.edit({ lights: withIds(lights).map((item, index) => (index === selected ? { ...to, id: light.id ?? String(index) } : item)) }, key);
   const by = (dx: number, dy: number, shift: boolean, from: Triple) => (shift ? scale(back, dy * unitsPerPixel(camera, viewport, from)) : inPicture(camera, viewport, from, dx, dy));
   const moves = (): Dragging => (dx, dy, shift) => change(moveBy(light, by(dx, dy, shift, place)), null);
-  const aim = aimOf(light);
-  const aims = (from: Triple): Dragging => (dx, dy, shift) => change(aimAt(light, add(from, by(dx, dy, shift, from))), null);
+  const aim = target ?? aimOf(light);
+  const aims = (from: Triple): Dragging => (dx, dy, shift) => {
+    const to = add(from, by(dx, dy, shift, from));
+    setTarget(to);
+    change(aimAt(light, to), null);
+  };
   const [placeSeen, aimSeen] = [seenAt(camera, viewport, place), aim && seenAt(camera, viewport, aim)];
   const name = `${lightNames[light.type]} light`;
   const coordinates = (point: Triple) => point.map((x) => x.toFixed(2)).join(", ");
@@ -44,7 +51,7 @@ export function LightGizmo({ viewport }: { viewport: ViewportSize }) {
         <OverlayHandle at={placeSeen} kind="light" fill={hexFromLinear(lightHue(light))} label={`${name}: drag to move, with Shift nearer and farther`} text={coordinates(place)} value={place[0]} testId="light-handle" grab={moves} nudge={(x, y) => change(moveBy(light, by(x * KEY_PIXELS, -y * KEY_PIXELS, false, place)), "move")} />
       )}
       {aim && aimSeen && isInside(aimSeen, viewport) && (
-        <OverlayHandle at={aimSeen} kind="aim" label={`${name}: drag to aim`} text={coordinates(aim)} value={aim[0]} testId="light-aim-handle" grab={() => aims(aim)} nudge={(x, y) => change(aimAt(light, add(aim, by(x * KEY_PIXELS, -y * KEY_PIXELS, false, aim))), "aim")} />
+        <OverlayHandle at={aimSeen} kind="aim" label={`${name}: drag to aim`} text={coordinates(aim)} value={aim[0]} testId="light-aim-handle" grab={() => aims(aim)} released={() => setTarget(null)} nudge={(x, y) => change(aimAt(light, add(aim, by(x * KEY_PIXELS, -y * KEY_PIXELS, false, aim))), "aim")} />
       )}
     </>
   );

@@ -62,6 +62,10 @@ describe("text of a transfer function", () => {
     ['{"transfer_function": {"points": []}}', /not a transfer function/],
     ['{"transfer_function": {"points": [{"s": 2}]}}', /from 0 to 1/],
     ['{"transfer_function": {"points": [null]}}', /from 0 to 1/],
+    ['{"transfer_function": {"points": [{"s": 0, "albedo": "red"}]}}', /three numbers/],
+    ['{"transfer_function": {"points": [{"s": 0, "opacity": "1"}]}}', /must be a number/],
+    ['{"transfer_function": {"points": [{"s": 0}]}, "materials": {"a": 1}}', /materials/],
+    ['{"value_range": null, "transfer_function": {"points": [{"s": 0.6}]}}', /value range/],
     ['{"transfer_function": {"points": [{"s": 0.6}, {"s": 0.5}]}}', /ascend/],
     ['{"value_range": [1, 1], "transfer_function": {"points": [{"s": 0.6}]}}', /value range/],
   ])("is refused in words: %s", (text, words) => {
@@ -73,6 +77,12 @@ describe("text of a transfer function", () => {
     expect(moved.stretched).toBe(false);
     expect(moved.points.map(({ s }) => s)).toEqual([0, 0.2, 0.3, 0.5]);
     expect(onto(curve, range, [1000, 1200])).toEqual({ points: curve, stretched: true });
+  });
+
+  it("of a scene without a value range is that of any volume", () => {
+    const read = readCurve('{"version": 1, "volume": {}, "transfer_function": {"points": [{"s": 0.5, "opacity": 0.1}]}}');
+    expect(read).toMatchObject({ range: null, points: [{ s: 0.5, opacity: 0.1, albedo: [1, 1, 1] }] });
+    if (read.kind === "curve") expect(onto(read.points, read.range, [5, 9]).points[0]?.s).toBe(0.5);
   });
 
   it("of a part begins where it is put", () => {

@@ -3,7 +3,8 @@
 import { baseName, download } from "../app/files";
 import { say, sayError } from "../app/say";
 import { useUi } from "../app/uiStore";
-import type { TransferFunctionPoint } from "../generated/proto";
+import type { Material, TransferFunctionPoint } from "../generated/proto";
+import { diffPatch, type Patch } from "../scene/mergePatch";
 import { session } from "../session/engine";
 import { useSession } from "../session/store";
 import { curveText, onto, placed, readCurve } from "./curveFile";
@@ -46,6 +47,13 @@ export function copyText(): string {
   return copied;
 }
 
+/** A patch that makes the scene's materials of these names so; a merge would mix two kinds of surfaces. */
+function materialsPatch(materials: Record<string, Material>): Patch {
+  const before = useSession.getState().scene?.materials ?? {};
+  const patches = Object.entries(materials).map(([name, material]) => [name, diffPatch(before[name] ?? {}, material)] as const);
+  return patches.length > 0 ? { materials: Object.fromEntries(patches) } : {};
+}
+
 /** Takes a copied or saved transfer function over; points of a part begin at `s`, or stay at their values. */
 export function take(text: string, s: number | null = null): void {
   try {
@@ -55,7 +63,7 @@ export function take(text: string, s: number | null = null): void {
       return;
     }
     const { points, range } = shown();
-    const materials = Object.keys(read.materials).length > 0 ? { materials: read.materials } : {};
+    const materials = materialsPatch(read.materials);
     if (read.part) {
       const inserted = insertPoints(points, placed(read.points, read.range, range, s));
       session.edit({ transfer_function: { points: inserted.points }, ...materials });

@@ -21,7 +21,8 @@ export interface CurveText {
 }
 
 export type Read =
-  | { kind: "curve"; range: Range; points: TransferFunctionPoint[]; materials: Record<string, Material>; part: boolean }
+  /** Data values of `s` = 0 and 1; null where they are those of whatever volume. */
+  | { kind: "curve"; range: Range | null; points: TransferFunctionPoint[]; materials: Record<string, Material>; part: boolean }
   /** Colours without a curve. */
   | { kind: "colours"; at: ColourAt };
 
@@ -57,30 +58,52 @@ function ownCurve(json: unknown): Read {
   const { value_range: range, transfer_function: curve, materials = {}, part = false } = (json ?? {}) as Partial<CurveText>;
   const points: unknown = curve?.points;
   if (!Array.isArray(points) || points.length === 0 || points.length > MAX_TRANSFER_FUNCTION_POINTS) throw new Error(NOT_A_CURVE);
-  const whole = points.map((point: Partial<TransferFunctionPoint> | null) => {
-    if (!isNumber(point?.s) || point.s < 0 || point.s > 1) throw new Error("A point of this transfer function has no place `s` from 0 to 1.");
-    const complete: TransferFunctionPoint = { albedo: [1, 1, 1], emission: [0, 0, 0], ...point, s: point.s };
-    return complete;
-  });
+  const whole = points.map(pointFrom);
   if (whole.some(({ s }, i) => s < (whole[i - 1]?.s ?? 0))) throw new Error("The points of this transfer function do not ascend.");
-  return { kind: "curve", points: whole, materials, part, range: rangeFrom(range) };
+  return { kind: "curve", points: whole, materials: materialsFrom(materials), part, range: range === undefined ? null : rangeFrom(range) };
+}
+
+const isColour = (value: unknown): value is Triple => Array.isArray(value) && value.length === 3 && value.every((channel) => isNumber(channel) && channel >= 0);
+
+/** A point with all that the page relies on; what else is wrong with it the service says. */
+function pointFrom(value: unknown, index: number): TransferFunctionPoint {
+  const { s, opacity, extinction, albedo = [1, 1, 1], emission = [0, 0, 0], material } = (value ?? {}) as Record<keyof TransferFunctionPoint, unknown>;
+  const wrong = (what: string) => new Error(`Point ${index + 1} of this transfer function: ${what}.`);
+  if (!isNumber(s) || s < 0 || s > 1) throw wrong("`s` must be from 0 to 1");
+  if (opacity !== undefined && !isNumber(opacity)) throw wrong("`opacity` must be a number");
+  if (extinction !== undefined && !isNumber(extinction)) throw wrong("`extinction` must be a number");
+  if (!isColour(albedo) || !isColour(emission)) throw wrong("`albedo` and `emission` must be three numbers of at least 0");
+  return {
+    s, albedo, emission,
+    ...(opacity === undefined ? {} : { opacity }),
+    ...(extinction === undefined ? {} : { extinction }),
+    ...(typeof material === "string" ? { material } : {}),
+  };
+}
+
+/** Materials with a phase function; what else is wrong with them the service says. */
+function materialsFrom(value: unknown): Record<string, Material> {
+  const isMaterial = (material: unknown) => typeof material === "object" && material !== null && "phase" in material;
+  if (typeof value !== "object" || value === null || !Object.values(value).every(isMaterial)) throw new Error("The materials of this transfer function are none.");
+  return Object.fromEntries(Object.entries(value as Record<string, Material>).map(([name, material]) => [name, { ...material, surface: isNumber(material.surface) ? material.surface : 0 }]));
 }
 
 function rangeFrom(range: unknown): Range {
-  const [low, high] = Array.isArray(range) ? (range as unknown[]) : [0, 1];
+  const [low, high] = Array.isArray(range) ? (range as unknown[]) : [];
   if (!isNumber(low) || !isNumber(high) || high <= low) throw new Error("The value range of this transfer function is none.");
   return [low, high];
 }
 
-/** The points of a curve over other data values: at their own values, or stretched where none of them occurs. */
-export function onto(points: readonly TransferFunctionPoint[], from: Range, to: Range): { points: TransferFunctionPoint[]; stretched: boolean } {
+/** The points of a curve over other data values: at their own values, or stretched where they have none or none of them occurs. */
+export function onto(points: readonly TransferFunctionPoint[], from: Range | null, to: Range): { points: TransferFunctionPoint[]; stretched: boolean } {
+  if (from === null) return { points: [...points], stretched: false };
   const apart = from[1] <= to[0] || from[0] >= to[1];
   return apart ? { points: [...points], stretched: true } : { points: ontoRange(points, from, to), stretched: false };
 }
 
 /** Copied points at their own data values, or beginning at the place `s`; what reaches beyond the ends goes. */
-export function placed(points: readonly TransferFunctionPoint[], from: Range, to: Range, s: number | null): TransferFunctionPoint[] {
-  const own = points.map((point) => ({ ...point, s: positionOf(valueOf(point.s, from), to) }));
+export function placed(points: readonly TransferFunctionPoint[], from: Range | null, to: Range, s: number | null): TransferFunctionPoint[] {
+  const own = points.map((point) => ({ ...point, s: from ? positionOf(valueOf(point.s, from), to) : point.s }));
   const shift = s === null ? 0 : s - (own[0]?.s ?? 0);
   return own.map((point) => ({ ...point, s: rounded(point.s + shift) })).filter((point) => point.s >= 0 && point.s <= 1);
 }

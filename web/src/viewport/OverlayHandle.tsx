@@ -10,7 +10,7 @@ export type Dragging = (dx: number, dy: number, shift: boolean) => void;
 /** Steps of an arrow key with Shift. */
 const SHIFT_STEPS = 10;
 
-export function OverlayHandle({ at, label, text, value, range = [-1, 1], kind, fill, grab, nudge, testId }: {
+export function OverlayHandle({ at, label, text, value, range = [-1, 1], kind, fill, grab, released, nudge, testId }: {
   at: Place;
   label: string;
   /** The value in words. */
@@ -22,6 +22,8 @@ export function OverlayHandle({ at, label, text, value, range = [-1, 1], kind, f
   fill?: string;
   /** A drag begins: returns what it does. */
   grab: () => Dragging;
+  /** The drag is over. */
+  released?: () => void;
   /** Arrow keys: steps to the right and upwards. */
   nudge: (right: number, up: number) => void;
   testId: string;
@@ -30,6 +32,7 @@ export function OverlayHandle({ at, label, text, value, range = [-1, 1], kind, f
   const end = () => {
     held.current = null;
     session.endGesture();
+    released?.();
   };
   const key = (event: KeyboardEvent) => {
     const step = event.shiftKey ? SHIFT_STEPS : 1;
