@@ -87,6 +87,7 @@ describe("text of a transfer function", () => {
 
   it("of a part begins where it is put", () => {
     const part = curve.slice(1, 3);
+    expect(placed([point(1 / 3, 1)], range, range, null)[0]?.s).toBe(1 / 3);
     expect(placed(part, range, [0, 400], null).map(({ s }) => s)).toEqual([0.2, 0.3]);
     expect(placed(part, range, [0, 400], 0.95).map(({ s }) => s)).toEqual([0.95]);
   });

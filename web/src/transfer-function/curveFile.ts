@@ -103,6 +103,8 @@ export function onto(points: readonly TransferFunctionPoint[], from: Range | nul
 
 /** Copied points at their own data values, or beginning at the place `s`; what reaches beyond the ends goes. */
 export function placed(points: readonly TransferFunctionPoint[], from: Range | null, to: Range, s: number | null): TransferFunctionPoint[] {
+  // Exactly where they were: rounding would tear a step apart.
+  if (s === null && (from === null || (from[0] === to[0] && from[1] === to[1]))) return [...points];
   const own = points.map((point) => ({ ...point, s: from ? positionOf(valueOf(point.s, from), to) : point.s }));
   const shift = s === null ? 0 : s - (own[0]?.s ?? 0);
   return own.map((point) => ({ ...point, s: rounded(point.s + shift) })).filter((point) => point.s >= 0 && point.s <= 1);
