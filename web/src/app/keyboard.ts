@@ -1,5 +1,6 @@
 /** One table of keys: it drives the handler and the help sheet. */
 
+import { stepSlice } from "../quality/slicing";
 import { session } from "../session/engine";
 import { pivotAtMiddle, toggleMeasuring } from "../viewport/probing";
 import { moveWindow, toggleWindowing, useWindowing } from "../viewport/windowing";
@@ -37,6 +38,8 @@ export const bindings: readonly Binding[] = [
   { keys: ["+", "="], shown: "+", does: "Nearer", run: () => zoomStep(1) },
   { keys: ["-", "_"], shown: "−", does: "Farther", run: () => zoomStep(-1) },
   { keys: ["1", "2", "3", "4", "5", "6"], shown: "1 – 6", does: "Front, back, left, right, top, bottom", run: (key) => lookAtNumber(Number(key)) },
+  { keys: ["PageUp"], shown: "Page ↑", does: "Next slice, where one is shown", run: () => stepSlice(1) },
+  { keys: ["PageDown"], shown: "Page ↓", does: "Slice before", run: () => stepSlice(-1) },
   { keys: ["r"], shown: "R", does: "Back to the starting view", run: resetView },
   { keys: ["p"], shown: "P", does: "Pivot on what is in the middle", run: () => void pivotAtMiddle() },
   { keys: ["f"], shown: "F", does: "Full screen", run: () => void toggleFullScreen().catch(sayError) },
