@@ -61,15 +61,17 @@ function Table({ title, rows }: { title: string; rows: Rows }) {
 export function HelpSheet() {
   const opened = useUi((ui) => ui.helpOpen);
   return (
-    <Modal opened={opened} onClose={() => useUi.setState({ helpOpen: false })} title="Keys and gestures" size={800} closeButtonProps={{ "aria-label": "Close" }} data-testid="help-sheet" data-help>
+    <Modal opened={opened} onClose={() => useUi.setState({ helpOpen: false })} title="Keys and gestures" size={1130} closeButtonProps={{ "aria-label": "Close" }} data-testid="help-sheet" data-help>
       <div className="help">
         <Table title="Keys" rows={bindings.map(({ shown, does }) => [shown, does] as const)} />
         <div>
           <Table title="Picture" rows={pointer} />
           <Table title="Handles in the picture" rows={handles} />
         </div>
-        <Table title="Transfer function" rows={editor} />
-        <Table title="Keys in the transfer function" rows={editorKeys} />
+        <div>
+          <Table title="Transfer function" rows={editor} />
+          <Table title="Keys in the transfer function" rows={editorKeys} />
+        </div>
       </div>
     </Modal>
   );

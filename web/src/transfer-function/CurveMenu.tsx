@@ -5,7 +5,7 @@ import { useRef, useState } from "react";
 import { Icon } from "../app/Icon";
 import { sayError } from "../app/say";
 import { colourAtOf, colourMapGroups, cssGradient } from "./colourMaps";
-import { copyToClipboard, openCurve, paint, pasteFromClipboard, saveCurve, selectAll } from "./curve";
+import { addOnCurve, copyToClipboard, openCurve, paint, pasteFromClipboard, saveCurve, selectAll } from "./curve";
 
 export function CurveMenu() {
   const file = useRef<HTMLInputElement>(null);
@@ -29,6 +29,8 @@ export function CurveMenu() {
           <ActionIcon variant="default" size={22} aria-label="Copy, paste, open and save the transfer function" title="Copy, paste, open and save" data-testid="tf-menu"><Icon name="more" size={14} /></ActionIcon>
         </Menu.Target>
         <Menu.Dropdown>
+          <Menu.Item rightSection={<kbd>N</kbd>} onClick={() => addOnCurve()} data-testid="tf-add">Add a point</Menu.Item>
+          <Menu.Divider />
           <Menu.Item rightSection={<kbd>Ctrl C</kbd>} onClick={() => void copyToClipboard()} data-testid="tf-copy">Copy</Menu.Item>
           <Menu.Item rightSection={<kbd>Ctrl V</kbd>} onClick={() => void pasteFromClipboard()} data-testid="tf-paste">Paste</Menu.Item>
           <Menu.Item rightSection={<kbd>Ctrl A</kbd>} onClick={selectAll} data-testid="tf-select-all">Select all points</Menu.Item>

@@ -8,7 +8,7 @@ import { diffPatch, type Patch } from "../scene/mergePatch";
 import { session } from "../session/engine";
 import { useSession } from "../session/store";
 import { curveText, onto, placed, readCurve } from "./curveFile";
-import { insertPoints, removePoints } from "./points";
+import { addPoint, insertPoints, removePoints, widestGap } from "./points";
 import { recolour, visibleSpan, type ColourAt } from "./recolour";
 import { valueRange, type Range } from "./valueAxis";
 
@@ -36,6 +36,15 @@ export function removeSelected(): void {
   if (selection().length === 0) return;
   setPoints(removePoints(shown().points, selection()));
   select([]);
+}
+
+/** Adds a point on the curve: at `s`, or where there is most room. */
+export function addOnCurve(s: number | null = null): void {
+  const { points } = shown();
+  const added = addPoint(points, s ?? widestGap(points), null);
+  if (added.index < 0) return;
+  setPoints(added.points);
+  select([added.index]);
 }
 
 /** The selected points as text; without a selection the whole curve. */

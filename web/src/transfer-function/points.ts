@@ -79,6 +79,14 @@ export function addPoint(points: Points, s: number, opacity: number | null): { p
   return { points: [...points.slice(0, index), point, ...points.slice(index)], index };
 }
 
+/** The middle of the widest gap between neighbours, or between a curve's end and the axis's. */
+export function widestGap(points: Points): number {
+  const places = [0, ...points.map(({ s }) => s), 1];
+  const gaps = places.slice(1).map((s, i) => ({ from: places[i] ?? 0, width: s - (places[i] ?? 0) }));
+  const widest = gaps.reduce((most, gap) => (gap.width > most.width ? gap : most), { from: 0, width: 0 });
+  return widest.from + widest.width / 2;
+}
+
 /** Removes points; one of all stays. */
 export function removePoints(points: Points, indices: readonly number[]): TransferFunctionPoint[] {
   const left = points.filter((_, i) => !indices.includes(i));

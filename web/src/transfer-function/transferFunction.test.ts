@@ -4,7 +4,7 @@ import { costBins, costRuns, shareInWords } from "./editCost";
 import { regionOf } from "./inView";
 import { ceilingAbove, extinctionFromOpacity, heightOf, inUnit, opacityAt, opacityFromExtinction, withOpacity } from "./opacity";
 import { PictureCache, pictureKey } from "./pictures";
-import { addPoint, changePoints, insertPoints, matterAt, movePoint, movePoints, opacityAtValue, removePoints } from "./points";
+import { addPoint, changePoints, insertPoints, matterAt, movePoint, movePoints, opacityAtValue, removePoints, widestGap } from "./points";
 import { looksLikeCt, otsuThreshold, presetsFor, quantile } from "./presets";
 import { ontoRange } from "./reframe";
 import { formatData, formatValue, histogramColumns, panWindow, positionOf, ticks, valueOf, wholeValues, zoomWindow, type Range } from "./valueAxis";
@@ -100,6 +100,11 @@ describe("points", () => {
     const steps = [point(0, 0), point(0.3, 0.1), point(0.3, 0.2), point(0.6, 0.2), point(0.6, 0.1), point(1, 0)];
     expect(insertPoints(steps, steps.slice(2, 4)).points).toEqual(steps);
     expect(insertPoints(steps, steps.slice(2, 3)).points).toEqual(steps);
+  });
+
+  it("have most room in their widest gap", () => {
+    expect(widestGap(points)).toBeCloseTo(0.2, 12);
+    expect(widestGap([point(0.2, 0), point(0.3, 1)])).toBeCloseTo(0.65, 12);
   });
 
   it("are added with the matter found there", () => {

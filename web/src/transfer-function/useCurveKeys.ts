@@ -3,9 +3,9 @@
 import { useRef, type ClipboardEvent, type KeyboardEvent } from "react";
 import { useUi } from "../app/uiStore";
 import type { TransferFunctionPoint } from "../generated/proto";
-import { copyText, removeSelected, select, selectAll, setPoints, take } from "./curve";
+import { addOnCurve, copyText, removeSelected, select, selectAll, setPoints, take } from "./curve";
 import { sAt, type Plot } from "./geometry";
-import { addPoint, movePoints } from "./points";
+import { movePoints } from "./points";
 import { withToggled } from "./selection";
 import { panWindow, zoomWindow, type Range } from "./valueAxis";
 
@@ -50,15 +50,6 @@ export function useCurveKeys({ plot, points, setWindow, pointerX, busy, onNumber
     return true;
   };
 
-  /** Adds a point in the middle of the window, on the curve. */
-  const add = () => {
-    const s = (plot.window[0] + plot.window[1]) / 2;
-    const added = addPoint(points, s, null);
-    if (added.index < 0) return;
-    setPoints(added.points);
-    select([added.index]);
-  };
-
   const zoom = (event: KeyboardEvent): boolean => {
     const middle = (plot.window[0] + plot.window[1]) / 2;
     const pan = { ArrowLeft: -KEY_PAN, ArrowRight: KEY_PAN }[event.key];
@@ -75,7 +66,7 @@ export function useCurveKeys({ plot, points, setWindow, pointerX, busy, onNumber
     if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "a") selectAll();
     else if (event.ctrlKey || event.metaKey || event.altKey) return false;
     else if (event.key === "Delete" || event.key === "Backspace") removeSelected();
-    else if (event.key === "Insert" || event.key.toLowerCase() === "n") add();
+    else if (event.key === "Insert" || event.key.toLowerCase() === "n") addOnCurve((plot.window[0] + plot.window[1]) / 2);
     else return nudge(event) || zoom(event);
     return true;
   };
