@@ -8,6 +8,8 @@ import "./app/tokens.css";
 import "./app/mantine.css";
 import "./app/app.css";
 import "./app/panels.css";
+import "./app/overlay.css";
+import "./app/lists.css";
 import { App, start } from "./app/App";
 import { theme } from "./app/theme";
 
@@ -17,7 +19,7 @@ if (!root) throw new Error("index.html has no #root");
 start();
 createRoot(root).render(
   <StrictMode>
-    <MantineProvider theme={theme} withCssVariables={false} withGlobalClasses={false} defaultColorScheme="dark">
+    <MantineProvider theme={theme} withCssVariables={false} withGlobalClasses={false} defaultColorScheme="auto">
       <Notifications position="bottom-center" limit={3} />
       <App />
     </MantineProvider>

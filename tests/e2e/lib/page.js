@@ -25,8 +25,8 @@ export class Visitor {
   /** Reports received: what was done for each picture. */
   reports = [];
 
-  static async arrive(browser, origin, { hash = "", width = WIDTH, height = HEIGHT } = {}) {
-    const context = await browser.newContext({ viewport: { width, height }, acceptDownloads: true });
+  static async arrive(browser, origin, { hash = "", width = WIDTH, height = HEIGHT, colorScheme = "dark", hasTouch = false } = {}) {
+    const context = await browser.newContext({ viewport: { width, height }, acceptDownloads: true, colorScheme, hasTouch });
     const visitor = new Visitor(context, await context.newPage(), origin);
     await visitor.page.goto(`${origin}/${hash}`);
     return visitor;
@@ -120,6 +120,20 @@ export class Visitor {
     await this.page.mouse.down();
     await this.page.mouse.move(...to, { steps: DRAG_STEPS });
     await this.page.mouse.up();
+  }
+
+  /** Fingers that go down together, move in a straight line each, and leave. Places in the element's widths and heights. */
+  async fingers(id, ways) {
+    await this.at(id).scrollIntoViewIfNeeded();
+    const box = await this.at(id).boundingBox();
+    const cdp = await this.context.newCDPSession(this.page);
+    const at = (share) => ways.map(([[x0, y0], [x1, y1]], finger) => ({
+      x: box.x + (x0 + share * (x1 - x0)) * box.width, y: box.y + (y0 + share * (y1 - y0)) * box.height, id: finger,
+    }));
+    await cdp.send("Input.dispatchTouchEvent", { type: "touchStart", touchPoints: at(0) });
+    for (let step = 1; step <= DRAG_STEPS; step += 1) await cdp.send("Input.dispatchTouchEvent", { type: "touchMove", touchPoints: at(step / DRAG_STEPS) });
+    await cdp.send("Input.dispatchTouchEvent", { type: "touchEnd", touchPoints: [] });
+    await cdp.detach();
   }
 
   async key(key) {

@@ -29,6 +29,16 @@ export function modeSteps() {
     assert.equal(region(middleOf(slice), isColoured).share, 0, "a slice through the ball is grey");
     assert.equal(region(middleOf(slice), isWhite).share, 1, "and white in its middle");
 
+    // The volume has 40 slices.
+    const number = async () => Number((await visitor.at("slice-place").innerText()).match(/slice (\d+) of 40/)[1]);
+    const before = await number();
+    await visitor.at("viewport").focus();
+    await visitor.key("PageUp");
+    await visitor.picture();
+    assert.equal(await number(), before + 1, "Page Up goes to the next slice");
+    await visitor.key("z");
+    await visitor.picture();
+
     await visitor.at("rendering-mode").selectOption("volume");
     await visitor.picture();
     await visitor.key("z");

@@ -61,6 +61,13 @@ export const thumbnailUrl = (id: string): string => `${BASE}/datasets/${segment(
 export const uploadUrl = `${BASE}/datasets`;
 export const getSession = (id: string): Promise<Session> => getJson(`/sessions/${segment(id)}`);
 
+export const getSessions = (): Promise<Session[]> => getJson("/sessions");
+
+/** Ends a session for everybody in it. */
+export async function deleteSession(id: string): Promise<void> {
+  await send(`/sessions/${segment(id)}`, { method: "DELETE" });
+}
+
 export async function deleteDataset(id: string): Promise<void> {
   await send(`/datasets/${segment(id)}`, { method: "DELETE" });
 }

@@ -4,6 +4,7 @@ import { useEffect } from "react";
 import { DatasetsPanel } from "../datasets/DatasetsPanel";
 import { DropZone } from "../datasets/DropZone";
 import { refreshDatasets } from "../datasets/store";
+import { Gallery } from "../gallery/Gallery";
 import { LightsPanel } from "../lights/LightsPanel";
 import { MaterialsPanel } from "../materials/MaterialsPanel";
 import { ClipPanel } from "../quality/ClipPanel";
@@ -46,18 +47,18 @@ export function App() {
 
   // What was selected belongs to the scene before.
   const sessionId = useSession((state) => state.sessionId);
-  useEffect(() => void useUi.setState({ selectedPoint: null, selectedLight: null }), [sessionId]);
+  useEffect(() => void useUi.setState({ selectedPoints: [], selectedLight: null }), [sessionId]);
 
   return (
     <div className="page" data-left={left} data-right={right}>
       <TopBar />
-      {left && <aside className="panel panel-left" data-testid="panel-left"><DatasetsPanel /></aside>}
+      {left && <aside className="panel panel-left" aria-label="Datasets" data-testid="panel-left"><DatasetsPanel /></aside>}
       <main className="stage" data-statistics={statistics}>
         <Viewport />
         {statistics && <StatisticsPanel />}
       </main>
       {right && (
-        <aside className="panel panel-right" data-testid="panel-right">
+        <aside className="panel panel-right" aria-label="Scene" data-testid="panel-right">
           <RenderingPanel />
           <TransferPanel />
           <MaterialsPanel />
@@ -68,6 +69,7 @@ export function App() {
       )}
       <StatusLine />
       <HelpSheet />
+      <Gallery />
       <DropZone />
     </div>
   );

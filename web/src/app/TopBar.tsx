@@ -1,6 +1,6 @@
 /** Name, dataset, method, and what concerns the scene as a whole. */
 
-import { FileButton, NativeSelect, Select, Tooltip, useMantineColorScheme } from "@mantine/core";
+import { FileButton, NativeSelect, Select, Tooltip } from "@mantine/core";
 import { useState } from "react";
 import { explore, takeFiles, useDatasets } from "../datasets/store";
 import { methodChoices, shortcoming } from "../quality/methods";
@@ -10,6 +10,7 @@ import { FieldNote, IconButton } from "./controls";
 import { copyShareLink, saveScene } from "./files";
 import { sayError } from "./say";
 import { isOpen, useUi } from "./uiStore";
+import { useTheme } from "./useTheme";
 
 export function TopBar() {
   const canUndo = useSession((state) => state.canUndo);
@@ -18,12 +19,11 @@ export function TopBar() {
   const left = useUi((ui) => isOpen(ui, "left"));
   const right = useUi((ui) => isOpen(ui, "right"));
   const toggle = useUi((ui) => ui.togglePanel);
-  const { colorScheme, setColorScheme } = useMantineColorScheme({ keepTransitions: true });
-  const dark = colorScheme !== "light";
+  const { dark, toggle: toggleTheme } = useTheme();
   return (
     <header className="top-bar" data-testid="top-bar">
       <IconButton icon="panelLeft" label="Datasets" hotkey="[" active={left} onClick={() => toggle("left")} testId="toggle-left" />
-      <span className="wordmark">Tyndall</span>
+      <h1 className="wordmark">Tyndall</h1>
       <DatasetSelect />
       <MethodSelect />
       <span className="top-gap" />
@@ -36,7 +36,8 @@ export function TopBar() {
       <IconButton icon="save" label="Save the scene as a file" disabled={!hasScene} onClick={saveScene} testId="save-scene" />
       <IconButton icon="share" label="Copy a link to this scene" disabled={!hasScene} onClick={() => void copyShareLink().catch(sayError)} testId="share" />
       <span className="top-rule" />
-      <IconButton icon={dark ? "sun" : "moon"} label={dark ? "Light theme, for projectors and print" : "Dark theme"} onClick={() => setColorScheme(dark ? "light" : "dark")} testId="toggle-theme" />
+      <IconButton icon="grid" label="Sessions on this server" hotkey="G" onClick={() => useUi.setState({ galleryOpen: true })} testId="gallery-open" />
+      <IconButton icon={dark ? "sun" : "moon"} label={dark ? "Light theme, for projectors and print" : "Dark theme"} onClick={toggleTheme} testId="toggle-theme" />
       <IconButton icon="help" label="Keys and gestures" hotkey="?" onClick={() => useUi.setState({ helpOpen: true })} testId="help" />
       <IconButton icon="panelRight" label="Transfer function and lights" hotkey="]" active={right} onClick={() => toggle("right")} testId="toggle-right" />
     </header>

@@ -6,7 +6,7 @@ import { useSession } from "../session/store";
 import { say, sayError } from "./say";
 import { stillName } from "./stillName";
 
-function download(blob: Blob, name: string): void {
+export function download(blob: Blob, name: string): void {
   const url = URL.createObjectURL(blob);
   const link = document.createElement("a");
   link.href = url;
@@ -16,7 +16,7 @@ function download(blob: Blob, name: string): void {
   window.setTimeout(() => URL.revokeObjectURL(url), 10_000);
 }
 
-const baseName = (): string => (useSession.getState().dataset?.name ?? "scene").replace(/[^\w.-]+/g, "_");
+export const baseName = (): string => (useSession.getState().dataset?.name ?? "scene").replace(/[^\w.-]+/g, "_");
 
 export async function saveStill(): Promise<void> {
   say("Drawing a still on the server …");

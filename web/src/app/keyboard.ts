@@ -1,7 +1,9 @@
 /** One table of keys: it drives the handler and the help sheet. */
 
+import { stepSlice } from "../quality/slicing";
 import { session } from "../session/engine";
-import { toggleMeasuring } from "../viewport/probing";
+import { pivotAtMiddle, toggleMeasuring } from "../viewport/probing";
+import { moveWindow, toggleWindowing, useWindowing } from "../viewport/windowing";
 import { lookAtNumber, resetView, toggleFullScreen, turn, zoomStep } from "../viewport/actions";
 import { saveStill } from "./files";
 import { sayError } from "./say";
@@ -19,22 +21,37 @@ interface Binding {
 const flipLeft = (): void => useUi.getState().togglePanel("left");
 const flipRight = (): void => useUi.getState().togglePanel("right");
 
+/** Share of the viewport that an arrow key drags the window by. */
+const KEY_WINDOW = 0.02;
+
+/** Turns the view; while the window is dragged in the picture, changes the window. */
+function arrow(x: number, y: number): void {
+  if (useWindowing.getState().active) moveWindow(x * KEY_WINDOW, -y * KEY_WINDOW, "window-keys");
+  else turn(x, y);
+}
+
 export const bindings: readonly Binding[] = [
-  { keys: ["ArrowLeft"], shown: "←", does: "Turn left", run: () => turn(-1, 0) },
-  { keys: ["ArrowRight"], shown: "→", does: "Turn right", run: () => turn(1, 0) },
-  { keys: ["ArrowUp"], shown: "↑", does: "Turn up", run: () => turn(0, -1) },
-  { keys: ["ArrowDown"], shown: "↓", does: "Turn down", run: () => turn(0, 1) },
+  { keys: ["ArrowLeft"], shown: "←", does: "Turn left", run: () => arrow(-1, 0) },
+  { keys: ["ArrowRight"], shown: "→", does: "Turn right", run: () => arrow(1, 0) },
+  { keys: ["ArrowUp"], shown: "↑", does: "Turn up", run: () => arrow(0, -1) },
+  { keys: ["ArrowDown"], shown: "↓", does: "Turn down", run: () => arrow(0, 1) },
   { keys: ["+", "="], shown: "+", does: "Nearer", run: () => zoomStep(1) },
   { keys: ["-", "_"], shown: "−", does: "Farther", run: () => zoomStep(-1) },
   { keys: ["1", "2", "3", "4", "5", "6"], shown: "1 – 6", does: "Front, back, left, right, top, bottom", run: (key) => lookAtNumber(Number(key)) },
+  { keys: ["PageUp"], shown: "Page ↑", does: "Next slice, where one is shown", run: () => stepSlice(1) },
+  { keys: ["PageDown"], shown: "Page ↓", does: "Slice before", run: () => stepSlice(-1) },
   { keys: ["r"], shown: "R", does: "Back to the starting view", run: resetView },
+  { keys: ["p"], shown: "P", does: "Pivot on what is in the middle", run: () => void pivotAtMiddle() },
   { keys: ["f"], shown: "F", does: "Full screen", run: () => void toggleFullScreen().catch(sayError) },
   { keys: ["s"], shown: "S", does: "Save a still as PNG", run: () => void saveStill() },
   { keys: ["m"], shown: "M", does: "Measure a distance: press two places", run: toggleMeasuring },
+  { keys: ["w"], shown: "W", does: "Window and level: drag in the picture, or arrow keys", run: toggleWindowing },
+  { keys: ["c"], shown: "C", does: "Handles of the clip box and planes", run: () => void useUi.setState((ui) => ({ clipHandles: !ui.clipHandles })) },
   { keys: ["z"], shift: false, shown: "Z or Ctrl Z", does: "Undo", run: () => session.undo() },
   { keys: ["z"], shift: true, shown: "Shift Z or Ctrl Shift Z", does: "Redo", run: () => session.redo() },
   { keys: ["["], shown: "[", does: "Fold the left panel", run: flipLeft },
   { keys: ["]"], shown: "]", does: "Fold the right panel", run: flipRight },
+  { keys: ["g"], shown: "G", does: "Sessions on this server", run: () => void useUi.setState(({ galleryOpen }) => ({ galleryOpen: !galleryOpen })) },
   { keys: ["i"], shown: "I", does: "Statistics", run: () => void useUi.setState((ui) => ({ statisticsOpen: !ui.statisticsOpen })) },
   { keys: ["?"], shown: "?", does: "This sheet", run: () => void useUi.setState((ui) => ({ helpOpen: !ui.helpOpen })) },
 ];

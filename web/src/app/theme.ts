@@ -30,7 +30,10 @@ export const theme = createTheme({
     },
     ActionIcon: { defaultProps: { size: 26, variant: "subtle" } },
     Tooltip: { defaultProps: { openDelay: 450, withArrow: false, multiline: true, maw: 280, fz: "var(--text-body)" } },
+    // Its stand-in for the first item is no item, which readers of screens stumble over.
+    Menu: { defaultProps: { withInitialFocusPlaceholder: false } },
     Popover: { defaultProps: { shadow: "md" } },
-    Modal: { defaultProps: { centered: true, overlayProps: { backgroundOpacity: 0.45 }, transitionProps: { duration: 80 }, lockScroll: false } },
+    // The page has one banner: its own.
+    Modal: { defaultProps: { attributes: { header: { role: "presentation" } }, centered: true, overlayProps: { backgroundOpacity: 0.45 }, transitionProps: { duration: 80 }, lockScroll: false } },
   },
 });

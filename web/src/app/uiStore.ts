@@ -32,7 +32,11 @@ interface Passing {
   /** The panel that lies over the picture of a narrow page: one at a time. */
   sheet: Side | null;
   helpOpen: boolean;
-  selectedPoint: number | null;
+  galleryOpen: boolean;
+  /** Points of the transfer function, ascending. */
+  selectedPoints: readonly number[];
+  /** Clip box and planes are pulled in the picture. */
+  clipHandles: boolean;
   /** Index of the light whose handles are shown. */
   selectedLight: number | null;
 }
@@ -63,8 +67,10 @@ export const useUi = create<Kept & Passing & Actions>()(
       narrow: narrowPage.matches,
       sheet: null,
       helpOpen: false,
-      selectedPoint: null,
+      galleryOpen: false,
+      selectedPoints: [],
       selectedLight: null,
+      clipHandles: false,
       toggleSection: (id) => set(({ closedSections }) => ({
         closedSections: closedSections.includes(id) ? closedSections.filter((other) => other !== id) : [...closedSections, id],
       })),

@@ -1,9 +1,9 @@
 /** A shaded sphere that shows where a light comes from, as the viewer sees it; drag to move it. */
 
-import { useEffect, useRef, type PointerEvent } from "react";
+import { useEffect, useRef, type KeyboardEvent, type PointerEvent } from "react";
 import type { Triple } from "../scene/vec";
 import { session } from "../session/engine";
-import { directionAt, placeAt } from "./sphere";
+import { directionAt, directionInWords, placeAt, turned } from "./sphere";
 
 /** CSS pixels: the whole control, and the sphere in its middle. */
 const SIZE = 84;
@@ -27,6 +27,10 @@ function fromPixels(px: number, py: number): [number, number] {
   const k = shown > 0 ? radius / shown : 0;
   return [x * k, y * k];
 }
+
+/** Turn of an arrow key, degrees; Shift takes more. */
+const KEY_DEGREES = 2;
+const SHIFT_KEY_DEGREES = 15;
 
 export function DirectionSphere({ towards, onChange }: {
   /** Direction towards the light in view axes. */
@@ -64,12 +68,27 @@ export function DirectionSphere({ towards, onChange }: {
     const box = event.currentTarget.getBoundingClientRect();
     onChange(directionAt(...fromPixels(event.clientX - box.left, event.clientY - box.top)));
   };
+  const key = (event: KeyboardEvent) => {
+    const step = event.shiftKey ? SHIFT_KEY_DEGREES : KEY_DEGREES;
+    const right = { ArrowLeft: -step, ArrowRight: step }[event.key] ?? 0;
+    const up = { ArrowUp: step, ArrowDown: -step }[event.key] ?? 0;
+    if (right === 0 && up === 0) return;
+    event.preventDefault();
+    onChange(turned(towards, right, up));
+  };
   const [hx, hy] = toPixels(placeAt(towards));
   return (
     <div
       className="direction-sphere"
       style={{ width: SIZE, height: SIZE }}
       title="Drag to turn the light; beyond the rim it comes from behind"
+      tabIndex={0}
+      role="slider"
+      aria-label="Direction of the light"
+      aria-valuenow={Math.round(Math.atan2(tx, tz) * (180 / Math.PI))}
+      aria-valuemin={-180}
+      aria-valuemax={180}
+      aria-valuetext={directionInWords(towards)}
       data-testid="light-direction"
       onPointerDown={(event) => {
         event.currentTarget.setPointerCapture(event.pointerId);
@@ -78,6 +97,7 @@ export function DirectionSphere({ towards, onChange }: {
       }}
       onPointerMove={drag}
       onPointerUp={() => session.endGesture()}
+      onKeyDown={key}
     >
       <canvas ref={canvas} style={{ width: RADIUS * 2, height: RADIUS * 2, left: CENTRE - RADIUS, top: CENTRE - RADIUS }} />
       <span className="direction-handle" data-behind={tz < 0} style={{ left: hx, top: hy }} />

@@ -1,12 +1,13 @@
 import { describe, expect, it } from "vitest";
 import type { Camera, Light } from "../generated/proto";
-import { dot, length, sub, type Triple } from "../scene/vec";
+import { add, dot, length, scale, sub, type Triple } from "../scene/vec";
 import { toView } from "../viewport/camera";
 import {
   comeFrom, freeId, lightHue, lightNames, lightStrength, newLight, placeOf, setHue, setStrength, towardsLight, withIds, type LightType,
 } from "./lights";
 import { rigs } from "./rigs";
-import { directionAt, placeAt } from "./sphere";
+import { aimOf, outlineOf, shinesTo } from "./gizmo";
+import { directionAt, directionInWords, placeAt, turned } from "./sphere";
 
 const camera: Camera = { position: [2, 1, 0], target: [0, 0, 0], up: [0, 1, 0], fov_y_degrees: 40 };
 const types = Object.keys(lightNames) as LightType[];
@@ -67,5 +68,54 @@ describe("rigs", () => {
     expect(x).toBeLessThan(0);
     expect(y).toBeGreaterThan(0);
     expect(z).toBeGreaterThan(0);
+  });
+});
+
+describe("keys on the direction sphere", () => {
+  it("turn to the right and upwards as seen, and stop at the poles", () => {
+    const right = turned([0, 0, 1], 30, 0);
+    expect(right[0]).toBeCloseTo(0.5, 9);
+    expect(turned([0, 0, 1], 0, 30)[1]).toBeCloseTo(0.5, 9);
+    expect(turned([0.6, 0, -0.8], 0, 30)[1]).toBeCloseTo(0.5, 9);
+    expect(length(turned([0.6, 0, -0.8], 17, 200))).toBeCloseTo(1, 9);
+    expect(turned([0, 0, 1], 0, 200)[1]).toBeLessThan(1);
+    expect(turned([0, 1, 0], 0, -30)[1]).toBeCloseTo(Math.cos(Math.PI / 6), 9);
+  });
+
+  it("say where the light comes from", () => {
+    expect(directionInWords([-0.7, 0.7, 0])).toBe("from above, the left");
+    expect(directionInWords([0, 0, -1])).toBe("from behind");
+  });
+});
+
+describe("light gizmos", () => {
+  const facing: [Triple, Triple] = [[1, 0, 0], [0, 1, 0]];
+
+  it.each(types)("%s: drawn about its place", (type) => {
+    const light = newLight(type, [0, 1, 0], "a");
+    const place = placeOf(light);
+    const lines = outlineOf(light, facing);
+    expect(lines.length > 0).toBe(["spot", "rectangle", "disk", "sphere"].includes(type));
+    for (const { points } of lines) for (const point of points) expect(length(sub(point, place ?? [0, 0, 0]))).toBeLessThan(2);
+    expect(aimOf(light) === null).toBe(shinesTo(light) === null);
+  });
+
+  it("keep size and cone of the light", () => {
+    const disk = newLight("disk", [0, 1, 0], "a");
+    const [ring] = outlineOf(disk, facing);
+    for (const point of ring?.points ?? []) expect(length(sub(point, placeOf(disk) ?? [0, 0, 0]))).toBeCloseTo(0.4, 6);
+    const spot = newLight("spot", [0, 0, 1], "a");
+    if (spot.type !== "spot") throw new Error("a spot");
+    const rim = outlineOf(spot, facing)[0]?.points[0] ?? [0, 0, 0];
+    const way = sub(rim, spot.position);
+    expect(Math.acos(dot(way, spot.direction) / length(way)) * (180 / Math.PI)).toBeCloseTo(spot.cone_degrees[1], 4);
+    expect(length(aimOf(spot) ?? [1, 1, 1])).toBeCloseTo(0, 4);
+  });
+
+  it("aim in front of a light that looks away", () => {
+    const disk = newLight("disk", [0, 1, 0], "a");
+    if (disk.type !== "disk") throw new Error("a disk");
+    const away = { ...disk, normal: [0, 1, 0] as Triple };
+    expect(aimOf(away)).toEqual(add(disk.center, scale([0, 1, 0], 0.7)));
   });
 });

@@ -3,35 +3,22 @@
 import { Button, RangeSlider, Switch } from "@mantine/core";
 import { Row, Section } from "../app/controls";
 import { Icon } from "../app/Icon";
-import { MAX_CLIP_PLANES, type Clip } from "../generated/proto";
-import { rounded, type Triple } from "../scene/vec";
+import { useUi } from "../app/uiStore";
+import { MAX_CLIP_PLANES } from "../generated/proto";
 import { session } from "../session/engine";
 import { useSession } from "../session/store";
 import { currentCamera } from "../viewport/actions";
+import { anatomicalNames, gridNames, MIN_SLAB, WHOLE, withAxis } from "./clipBox";
 import { planeFacing } from "./clipPlanes";
 import { withoutEffect } from "./methods";
 import { PlaneRows, setPlanes } from "./PlaneRows";
 import { ShownVolume } from "./ShownVolume";
 
-const WHOLE: [Triple, Triple] = [[0, 0, 0], [1, 1, 1]];
-/** Thinnest slab that is kept, share of the edge. */
-const MIN_SLAB = 0.005;
-
-const gridNames = ["x", "y", "z"] as const;
-const anatomicalNames = ["Right – left", "Front – back", "Feet – head"] as const;
-
-/** The box with one axis changed; null where nothing is cut. */
-export function withAxis(box: NonNullable<Clip["box"]>, axis: 0 | 1 | 2, [low, high]: [number, number]): Clip["box"] | null {
-  const next: [Triple, Triple] = [[...box[0]], [...box[1]]];
-  next[0][axis] = rounded(low, 4);
-  next[1][axis] = rounded(high, 4);
-  return next[0].every((x) => x === 0) && next[1].every((x) => x === 1) ? null : next;
-}
-
 export function ClipPanel() {
   const clip = useSession((state) => state.scene?.clip);
   const anatomical = useSession((state) => state.dataset?.anatomical ?? false);
   const method = useSession((state) => state.scene?.illumination.method);
+  const handles = useUi((ui) => ui.clipHandles);
   if (!clip || method === undefined) return null;
   const shadowsLack = withoutEffect(method, "clip shadows");
   const cut = clip.box !== undefined || clip.planes.length > 0;
@@ -40,6 +27,7 @@ export function ClipPanel() {
   const actions = (
     <div className="section-actions">
       {cut && <button type="button" className="text-button" title="Cut nothing away" onClick={() => session.edit({ clip: { box: null, planes: [] } })} data-testid="clip-reset">Whole</button>}
+      <Button variant={handles ? "light" : "default"} size="compact-xs" title="Pull the box and the planes in the picture (C)" aria-pressed={handles} onClick={() => useUi.setState({ clipHandles: !handles })} data-testid="clip-handles">Handles</Button>
       <Button variant="default" size="compact-xs" leftSection={<Icon name="plus" size={11} />} title="A plane that cuts away the half that is nearer to you" disabled={clip.planes.length >= MAX_CLIP_PLANES} onClick={() => setPlanes([...clip.planes, planeFacing(currentCamera())])} data-testid="clip-plane-add">Plane</Button>
     </div>
   );

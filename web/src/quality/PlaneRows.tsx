@@ -8,7 +8,7 @@ import { useSession } from "../session/store";
 import { currentCamera } from "../viewport/actions";
 import { cutShare, flipped, halfEdges, planeFacing, withCut } from "./clipPlanes";
 
-export const setPlanes = (planes: ClipPlane[]): void => session.edit({ clip: { planes } });
+export const setPlanes = (planes: ClipPlane[], key: string | null = null): void => session.edit({ clip: { planes } }, key);
 
 export function PlaneRows({ planes }: Pick<Clip, "planes">) {
   const dataset = useSession((state) => state.dataset);

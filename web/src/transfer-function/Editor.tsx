@@ -1,15 +1,17 @@
 /** The curve over the histogram, edited in place. */
 
 import { useElementSize } from "@mantine/hooks";
-import { useEffect, useId, useMemo, useRef, useState, type KeyboardEvent, type PointerEvent } from "react";
+import { useCallback, useEffect, useId, useMemo, useRef, useState } from "react";
 import { useUi } from "../app/uiStore";
 import type { Histogram, TransferFunctionPoint } from "../generated/proto";
 import { hexFromLinear } from "../scene/colour";
-import { session } from "../session/engine";
+import { select, setPoints } from "./curve";
+import { CurvePoints } from "./CurvePoints";
 import { EditCost } from "./EditCost";
-import { areaUnder, bandPath, columnsPath, curvePath, heightAt, opacityAtY, sAt, xOf, yOf, type Plot } from "./geometry";
-import { heightOf, opacityAt, opacityOf } from "./opacity";
-import { addPoint, moveBand, movePoint, opacityAtValue, removePoint } from "./points";
+import { areaUnder, bandPath, ceilingFor, columnsPath, curvePath, opacityAtY, sAt, xOf, type Plot } from "./geometry";
+import { addPoint, opacityAtValue } from "./points";
+import { useCurveDrag } from "./useCurveDrag";
+import { useCurveKeys } from "./useCurveKeys";
 import { formatData, formatValue, histogramColumns, panWindow, ticks, valueOf, zoomWindow, type Range } from "./valueAxis";
 
 const PLOT_HEIGHT = 148;
@@ -21,25 +23,7 @@ const AXIS_HEIGHT = 20;
 const MARGIN = 8;
 /** Labels of the axis closer than this to an end grow inwards, pixels. */
 const EDGE = 14;
-/** Nudge of an arrow key: shares of the value window and of the opacity axis; Shift takes ten. */
-const NUDGE_S = 1 / 400;
-const NUDGE_HEIGHT = 1 / 200;
-/** Pixels a drag with Shift must go before its axis is chosen. */
-const LOCK_PIXELS = 3;
 const WHEEL_ZOOM_PER_PIXEL = 0.002;
-
-interface Drag {
-  kind: "point" | "band";
-  index: number;
-  /** Where it started, pixels. */
-  x: number;
-  y: number;
-  points: readonly TransferFunctionPoint[];
-  lock: "x" | "y" | null;
-}
-
-export const setPoints = (points: TransferFunctionPoint[], key: string | null = null): void =>
-  session.edit({ transfer_function: { points } }, key);
 
 export function Editor({ points, histogram, shown, range, whole, onNumbers }: {
   points: readonly TransferFunctionPoint[];
@@ -56,19 +40,22 @@ export function Editor({ points, histogram, shown, range, whole, onNumbers }: {
 }) {
   const { ref: frame, width } = useElementSize<HTMLDivElement>();
   const svg = useRef<SVGSVGElement>(null);
-  const drag = useRef<Drag | null>(null);
   const [window, setWindow] = useState<Range>([0, 1]);
   const [pointer, setPointer] = useState<{ x: number; y: number } | null>(null);
-  const selected = useUi((ui) => ui.selectedPoint);
+  // While points move the axis stays as it was.
+  const [heldCeiling, setHeldCeiling] = useState<number | null>(null);
   const axis = useUi((ui) => ui.opacityAxis);
   const log = useUi((ui) => ui.logHistogram);
   const id = useId();
 
+  const ceiling = heldCeiling ?? ceilingFor(points, window);
   const plot: Plot = useMemo(
-    () => ({ left: MARGIN, top: MARGIN, width: Math.max(1, width - 2 * MARGIN), height: PLOT_HEIGHT - MARGIN, window, axis }),
-    [width, window, axis],
+    () => ({ left: MARGIN, top: MARGIN, width: Math.max(1, width - 2 * MARGIN), height: PLOT_HEIGHT - MARGIN, window, axis, ceiling }),
+    [width, window, axis, ceiling],
   );
-  const select = (index: number | null) => useUi.setState({ selectedPoint: index });
+  const hold = useCallback((held: boolean) => setHeldCeiling(held ? ceiling : null), [ceiling]);
+  const drag = useCurveDrag({ svg, plot, points, setWindow, hold });
+  const keys = useCurveKeys({ plot, points, setWindow, pointerX: pointer?.x ?? null, busy: drag.busy, onNumbers });
   const place = (event: { clientX: number; clientY: number }) => {
     const box = svg.current?.getBoundingClientRect();
     return { x: event.clientX - (box?.left ?? 0), y: event.clientY - (box?.top ?? 0) };
@@ -83,66 +70,14 @@ export function Editor({ points, histogram, shown, range, whole, onNumbers }: {
       const x = event.clientX - element.getBoundingClientRect().left;
       const sideways = event.shiftKey || Math.abs(event.deltaX) > Math.abs(event.deltaY);
       setWindow((now) => {
-        const shown = { ...plot, window: now };
         const amount = event.deltaX || event.deltaY;
         if (sideways) return panWindow(now, (amount / plot.width) * (now[1] - now[0]));
-        return zoomWindow(now, sAt(shown, x), Math.exp(event.deltaY * WHEEL_ZOOM_PER_PIXEL));
+        return zoomWindow(now, sAt({ ...plot, window: now }, x), Math.exp(event.deltaY * WHEEL_ZOOM_PER_PIXEL));
       });
     };
     element.addEventListener("wheel", wheel, { passive: false });
     return () => element.removeEventListener("wheel", wheel);
   }, [plot]);
-
-  const grab = (event: PointerEvent, kind: Drag["kind"], index: number) => {
-    if (event.button !== 0) return;
-    event.stopPropagation();
-    svg.current?.setPointerCapture(event.pointerId);
-    drag.current = { kind, index, ...place(event), points, lock: null };
-    if (kind === "point") select(index);
-    session.beginGesture();
-  };
-
-  const move = (event: PointerEvent) => {
-    const at = place(event);
-    setPointer(at);
-    const held = drag.current;
-    if (!held) return;
-    const dx = at.x - held.x;
-    const dy = at.y - held.y;
-    if (!event.shiftKey) held.lock = null;
-    else if (!held.lock && Math.hypot(dx, dy) > LOCK_PIXELS) held.lock = Math.abs(dx) > Math.abs(dy) ? "x" : "y";
-    const ds = held.lock === "y" ? 0 : (dx / plot.width) * (plot.window[1] - plot.window[0]);
-    const dHeight = held.lock === "x" ? 0 : -dy / plot.height;
-    const point = held.points[held.index];
-    if (!point || (dx === 0 && dy === 0)) return;
-    if (held.kind === "band") setPoints(moveBand(held.points, held.index, ds, dHeight, axis));
-    else setPoints(movePoint(held.points, held.index, point.s + ds, dHeight === 0 ? null : opacityAt(heightOf(opacityOf(point), axis) + dHeight, axis)));
-  };
-
-  const release = () => {
-    if (drag.current) session.endGesture();
-    drag.current = null;
-  };
-
-  const nudge = (event: KeyboardEvent, index: number) => {
-    const point = points[index];
-    if (!point) return;
-    const factor = event.shiftKey ? 10 : 1;
-    const ds = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
-    const dHeight = { ArrowUp: 1, ArrowDown: -1 }[event.key];
-    if (ds !== undefined) {
-      setPoints(movePoint(points, index, point.s + ds * factor * NUDGE_S * (plot.window[1] - plot.window[0]), null), `nudge-${index}`);
-    } else if (dHeight !== undefined) {
-      setPoints(movePoint(points, index, point.s, opacityAt(heightOf(opacityOf(point), axis) + dHeight * factor * NUDGE_HEIGHT, axis)), `nudge-${index}`);
-    } else if (event.key === "Delete" || event.key === "Backspace") {
-      setPoints(removePoint(points, index));
-      select(null);
-    } else if (event.key === "Enter") {
-      onNumbers();
-    } else return;
-    event.preventDefault();
-    event.stopPropagation();
-  };
 
   const add = (event: { clientX: number; clientY: number }) => {
     const { x, y } = place(event);
@@ -153,7 +88,7 @@ export function Editor({ points, histogram, shown, range, whole, onNumbers }: {
     const added = addPoint(points, Math.min(1, Math.max(0, sAt(plot, x))), opacityAtY(plot, y));
     if (added.index < 0) return;
     setPoints(added.points);
-    select(added.index);
+    select([added.index]);
   };
 
   const curve = curvePath(plot, points);
@@ -162,22 +97,31 @@ export function Editor({ points, histogram, shown, range, whole, onNumbers }: {
     const values: Range = [valueOf(window[0], range), valueOf(window[1], range)];
     return columnsPath(plot, histogramColumns(shown, values, Math.max(1, Math.floor(plot.width / 1.5)), log));
   }, [shown, plot, range, window, log, width]);
-  const values: Range = [valueOf(window[0], range), valueOf(window[1], range)];
   const floor = plot.top + plot.height;
+  const { rubber } = drag;
 
   return (
-    <div ref={frame}>
+    <div ref={frame} onCopy={keys.onCopy} onCut={keys.onCut} onPaste={keys.onPaste}>
       <svg
         ref={svg}
         className="tf"
         height={AXIS_TOP + AXIS_HEIGHT}
+        tabIndex={0}
+        role="group"
+        aria-label="Transfer function: opacity over data values"
         data-testid="tf-editor"
         data-window={window.join(" ")}
-        onPointerMove={move}
-        onPointerUp={release}
-        onPointerCancel={release}
+        data-ceiling={ceiling}
+        onPointerDown={drag.ground}
+        onPointerMove={(event) => {
+          setPointer(place(event));
+          drag.move(event);
+        }}
+        onPointerUp={drag.release}
+        onPointerCancel={drag.release}
         onPointerLeave={() => setPointer(null)}
         onDoubleClick={add}
+        onKeyDown={keys.onGround}
         onContextMenu={(event) => event.preventDefault()}
       >
         <defs>
@@ -194,64 +138,48 @@ export function Editor({ points, histogram, shown, range, whole, onNumbers }: {
           {points.slice(1).map((to, index) => {
             const from = points[index];
             return from && to.s > from.s && (
-              <path key={index} className="tf-band" d={bandPath(plot, from, to)} data-testid={`tf-band-${index}`} onPointerDown={(event) => grab(event, "band", index)} />
+              <path key={index} className="tf-band" d={bandPath(plot, from, to)} data-testid={`tf-band-${index}`} onPointerDown={(event) => {
+                // With Ctrl the band is ground, too: a rectangle may begin in it.
+                if (!event.ctrlKey && !event.metaKey) drag.grab(event, [index, index + 1]);
+              }} />
             );
           })}
           <path className="tf-curve-edge" d={curve} />
           <path className="tf-curve" d={curve} />
         </g>
         {histogram && width > 0 && <EditCost plot={plot} y={PLOT_HEIGHT + COST_GAP} height={COST_HEIGHT} histogram={histogram} range={range} whole={whole} pointerX={pointer?.x ?? null} />}
-        <g className="tf-axis">
-          {ticks(values, 5).map((value) => {
-            const x = plot.left + ((value - values[0]) / (values[1] - values[0])) * plot.width;
-            return (
-              <g key={value}>
-                <line x1={x} x2={x} y1={AXIS_TOP} y2={AXIS_TOP + 4} />
-                <text x={x} y={AXIS_TOP + 15} textAnchor={x < plot.left + EDGE ? "start" : x > plot.left + plot.width - EDGE ? "end" : "middle"}>{formatValue(value)}</text>
-              </g>
-            );
-          })}
-          <rect className="tf-axis-hit" x={0} y={AXIS_TOP} width={width} height={AXIS_HEIGHT} data-testid="tf-axis" />
-        </g>
-        {points.map((point, index) => {
-          const x = xOf(plot, point.s);
-          if (x < plot.left - 1 || x > plot.left + plot.width + 1) return null;
-          const value = valueOf(point.s, range);
-          return (
-            <circle
-              key={index}
-              className="tf-point"
-              cx={x}
-              cy={yOf(plot, opacityOf(point))}
-              r={index === selected ? 6.5 : 5}
-              fill={hexFromLinear(point.albedo)}
-              tabIndex={0}
-              role="slider"
-              aria-label={`Point ${index + 1}`}
-              aria-valuenow={value}
-              aria-valuetext={`value ${formatData(value, whole)}, opacity ${opacityOf(point).toFixed(3)}`}
-              data-testid={`tf-point-${index}`}
-              data-selected={index === selected}
-              data-s={point.s}
-              data-opacity={opacityOf(point)}
-              onPointerDown={(event) => grab(event, "point", index)}
-              onFocus={() => select(index)}
-              onKeyDown={(event) => nudge(event, index)}
-              onDoubleClick={(event) => event.stopPropagation()}
-              onContextMenu={(event) => {
-                event.preventDefault();
-                select(index);
-                onNumbers();
-              }}
-            />
-          );
-        })}
-        {pointer && pointer.y <= floor && (
+        <ValueAxis plot={plot} width={width} range={range} />
+        {ceiling < 1 && <text className="tf-ceiling" x={plot.left + 4} y={plot.top + 11} data-testid="tf-ceiling">opacity to {formatValue(ceiling)}</text>}
+        <CurvePoints plot={plot} points={points} range={range} whole={whole} drag={drag} onFocus={keys.focus} onKeyDown={keys.onPoint} onMenu={(index) => {
+          select([index]);
+          onNumbers();
+        }} />
+        {rubber && <rect className="tf-rubber" data-testid="tf-rubber" x={Math.min(rubber.x, rubber.toX)} y={Math.min(rubber.y, rubber.toY)} width={Math.abs(rubber.toX - rubber.x)} height={Math.abs(rubber.toY - rubber.y)} />}
+        {pointer && !rubber && pointer.y <= floor && (
           <text className="tf-readout" x={plot.left + plot.width - 4} y={plot.top + 11}>
-            {formatData(valueOf(sAt(plot, pointer.x), range), whole)} · {(drag.current ? opacityAt(heightAt(plot, pointer.y), axis) : opacityAtValue(points, sAt(plot, pointer.x))).toFixed(3)}
+            {formatData(valueOf(sAt(plot, pointer.x), range), whole)} · {(heldCeiling !== null ? opacityAtY(plot, pointer.y) : opacityAtValue(points, sAt(plot, pointer.x))).toFixed(3)}
           </text>
         )}
       </svg>
     </div>
+  );
+}
+
+/** Data values under the plot; a double press on it shows all of them. */
+function ValueAxis({ plot, width, range }: { plot: Plot; width: number; range: Range }) {
+  const values: Range = [valueOf(plot.window[0], range), valueOf(plot.window[1], range)];
+  return (
+    <g className="tf-axis">
+      {ticks(values, 5).map((value) => {
+        const x = plot.left + ((value - values[0]) / (values[1] - values[0])) * plot.width;
+        return (
+          <g key={value}>
+            <line x1={x} x2={x} y1={AXIS_TOP} y2={AXIS_TOP + 4} />
+            <text x={x} y={AXIS_TOP + 15} textAnchor={x < plot.left + EDGE ? "start" : x > plot.left + plot.width - EDGE ? "end" : "middle"}>{formatValue(value)}</text>
+          </g>
+        );
+      })}
+      <rect className="tf-axis-hit" x={0} y={AXIS_TOP} width={width} height={AXIS_HEIGHT} data-testid="tf-axis" />
+    </g>
   );
 }

@@ -7,9 +7,9 @@ import { useUi } from "../app/uiStore";
 import type { TransferFunctionPoint } from "../generated/proto";
 import { hueOf, strengthOf, withStrength } from "../scene/colour";
 import { useSession } from "../session/store";
-import { setPoints } from "./Editor";
+import { removeSelected, setPoints } from "./curve";
 import { extinctionOf, inUnit, opacityOf, withOpacity } from "./opacity";
-import { changePoint, movePoint, removePoint, withMaterial } from "./points";
+import { changePoints, movePoint, withMaterial } from "./points";
 import { positionOf, valueOf, type Range } from "./valueAxis";
 
 /** Largest extinction and emission that can be typed; the scene's own limit. */
@@ -23,7 +23,7 @@ export function PointFields({ points, range, whole, focusRequest }: {
   /** Changes when the value field is to take the focus. */
   focusRequest: number;
 }) {
-  const index = useUi((ui) => ui.selectedPoint);
+  const selected = useUi((ui) => ui.selectedPoints);
   const materials = useSession((state) => state.scene?.materials);
   const fields = useRef<HTMLDivElement>(null);
   useEffect(() => {
@@ -33,22 +33,24 @@ export function PointFields({ points, range, whole, focusRequest }: {
     input?.select();
   }, [focusRequest]);
 
-  const point = index === null ? undefined : points[index];
-  if (index === null || !point) {
-    return <p className="hint tf-fields-empty" data-testid="tf-no-point">Select a point to change its colour and numbers, or double-click to add one.</p>;
+  // What several points share is that of the first, and is given to all.
+  const [index] = selected;
+  const point = index === undefined ? undefined : points[index];
+  if (index === undefined || !point) {
+    return <p className="hint tf-fields-empty" data-testid="tf-no-point">Select a point to change its colour and numbers, or double-click to add one. Draw a rectangle to select several.</p>;
   }
-  const change = (key: string, to: (point: TransferFunctionPoint) => TransferFunctionPoint) => setPoints(changePoint(points, index, to), `${key}-${index}`);
+  const several = selected.length > 1;
+  const change = (key: string, to: (point: TransferFunctionPoint) => TransferFunctionPoint) => setPoints(changePoints(points, selected, to), `${key}-${selected.join("-")}`);
   const unit = point.extinction === undefined ? "opacity" : "extinction";
   const names = ["", ...new Set(["default", ...Object.keys(materials ?? {})])];
   return (
     <div className="tf-fields" ref={fields} data-testid="tf-fields">
-      <Row label="Value">
-        <NumberField label="Value" value={valueOf(point.s, range)} step={(range[1] - range[0]) / 200} digits={6} whole={whole} width={84} testId="tf-value" onChange={(value) => setPoints(movePoint(points, index, positionOf(value, range), null), `value-${index}`)} />
+      <Row label={several ? "Selected" : "Value"}>
+        {several
+          ? <span className="tf-several" data-testid="tf-several">{selected.length} points</span>
+          : <NumberField label="Value" value={valueOf(point.s, range)} step={(range[1] - range[0]) / 200} digits={6} whole={whole} width={84} testId="tf-value" onChange={(value) => setPoints(movePoint(points, index, positionOf(value, range), null), `value-${index}`)} />}
         <ColorField label="Colour" color={point.albedo} testId="tf-colour" onChange={(albedo) => change("albedo", (p) => ({ ...p, albedo }))} />
-        <IconButton icon="trash" label="Remove this point" hotkey="Delete" disabled={points.length < 2} testId="tf-remove" onClick={() => {
-          setPoints(removePoint(points, index));
-          useUi.setState({ selectedPoint: null });
-        }} />
+        <IconButton icon="trash" label={several ? "Remove these points" : "Remove this point"} hotkey="Delete" disabled={points.length < 2} testId="tf-remove" onClick={removeSelected} />
       </Row>
       <Row label="Matter" hint="Opacity of 0.01 world units (the volume's longest edge is 1), or extinction per world unit">
         <NativeSelect className="unit-select" aria-label="Given as" value={unit} data-testid="tf-unit" data={[{ value: "opacity", label: "Opacity" }, { value: "extinction", label: "Extinction" }]} onChange={(event) => change("unit", (p) => inUnit(p, event.currentTarget.value === "opacity" ? "opacity" : "extinction"))} />

@@ -7,19 +7,14 @@
  */
 
 import { useEffect, useState } from "react";
-import { postPreview } from "../api/rest";
-import { Turns } from "../datasets/turns";
 import type { Patch } from "../scene/mergePatch";
+import { askPreview, previewSize } from "../session/previews";
 import { useSession } from "../session/store";
 import { MAX_PICTURES, PictureCache, pictureKey } from "./pictures";
 
 /** Size on the page, CSS pixels. */
 const WIDTH = 112;
 const HEIGHT = 84;
-/** More device pixels than these would not be seen. */
-const MAX_PIXEL_RATIO = 2;
-
-const turns = new Turns(1);
 const pictures = new PictureCache(MAX_PICTURES, (address) => URL.revokeObjectURL(address));
 
 export function PresetPicture({ patch }: { patch: Patch }) {
@@ -37,26 +32,13 @@ export function PresetPicture({ patch }: { patch: Patch }) {
 
   useEffect(() => {
     if (!wanted || sessionId === null) return;
-    const stop = new AbortController();
-    const ratio = Math.min(MAX_PIXEL_RATIO, Math.max(1, window.devicePixelRatio));
-    const size = { width: Math.round(WIDTH * ratio), height: Math.round(HEIGHT * ratio) };
-    const release = turns.ask(() => {
-      // Patches are made anew with every rendering; the key holds this one's text.
-      const [, request] = JSON.parse(key) as [unknown, Record<string, unknown>];
-      postPreview(sessionId, { patch: request, ...size }, stop.signal).then(
-        (blob) => {
-          const made = URL.createObjectURL(blob);
-          pictures.keep(key, made);
-          if (!stop.signal.aborted) setDrawn({ key, address: made });
-        },
-        // The curve beside it still says what the preset does.
-        () => stop.signal.aborted || setDrawn({ key, address: null }),
-      ).finally(() => release());
-    });
-    return () => {
-      stop.abort();
-      release();
-    };
+    // Patches are made anew with every rendering; the key holds this one's text.
+    const [, request] = JSON.parse(key) as [unknown, Record<string, unknown>];
+    return askPreview(sessionId, { patch: request, ...previewSize(WIDTH, HEIGHT) }, (blob, stopped) => {
+      const made = URL.createObjectURL(blob);
+      pictures.keep(key, made);
+      if (!stopped) setDrawn({ key, address: made });
+    }, () => setDrawn({ key, address: null })); // The curve beside it still says what the preset does.
   }, [wanted, key, sessionId]);
 
   return (

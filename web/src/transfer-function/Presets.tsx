@@ -2,11 +2,11 @@
 
 import { Button, Popover } from "@mantine/core";
 import { useId, useMemo, useState } from "react";
-import { useUi } from "../app/uiStore";
 import type { Histogram } from "../generated/proto";
 import { hexFromLinear } from "../scene/colour";
 import type { Patch } from "../scene/mergePatch";
 import { session } from "../session/engine";
+import { select } from "./curve";
 import { areaUnder, columnsPath, curvePath, type Plot } from "./geometry";
 import { PresetPicture } from "./PresetPicture";
 import { presetsFor, type Preset } from "./presets";
@@ -21,7 +21,7 @@ const patchOf = ({ points, materials }: Preset): Patch => ({ transfer_function: 
 
 function apply(preset: Preset): void {
   session.edit(patchOf(preset));
-  useUi.setState({ selectedPoint: null });
+  select([]);
 }
 
 export function Presets({ histogram, range, surfaceValue }: {
@@ -60,7 +60,7 @@ export function Presets({ histogram, range, surfaceValue }: {
 
 function PresetDrawing({ preset, histogram, range }: { preset: Preset; histogram: Histogram; range: Range }) {
   const id = useId();
-  const plot: Plot = { left: 0, top: 2, width: WIDTH, height: HEIGHT - 2, window: [0, 1], axis: "power" };
+  const plot: Plot = { left: 0, top: 2, width: WIDTH, height: HEIGHT - 2, window: [0, 1], axis: "power", ceiling: 1 };
   const curve = curvePath(plot, preset.points);
   const columns = histogramColumns(histogram, [valueOf(0, range), valueOf(1, range)], WIDTH / 2, true);
   return (

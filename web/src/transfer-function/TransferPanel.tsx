@@ -6,6 +6,8 @@ import { Row, Section, SliderField } from "../app/controls";
 import { useUi } from "../app/uiStore";
 import { session } from "../session/engine";
 import { useSession } from "../session/store";
+import { select } from "./curve";
+import { ColourMaps, CurveMenu } from "./CurveMenu";
 import { Editor } from "./Editor";
 import { useRegionHistogram } from "./inView";
 import { PointFields } from "./PointFields";
@@ -24,7 +26,7 @@ export function TransferPanel() {
   const histogram = useSession((state) => state.histogram);
   const window = useSession((state) => state.scene?.value_range);
   const density = useSession((state) => state.scene?.density ?? 1);
-  const selected = useUi((ui) => ui.selectedPoint);
+  const selected = useUi((ui) => ui.selectedPoints);
   const log = useUi((ui) => ui.logHistogram);
   const axis = useUi((ui) => ui.opacityAxis);
   const inView = useUi((ui) => ui.histogramInView);
@@ -38,15 +40,21 @@ export function TransferPanel() {
   const setWindow = (to: [number, number] | null) => {
     const kept = ontoRange(points, range, to ?? valueRange(null, dataset));
     session.edit({ value_range: to, transfer_function: { points: kept } });
-    if (kept.length !== points.length) useUi.setState({ selectedPoint: null });
+    if (kept.length !== points.length) select([]);
   };
-  const selectedPoint = selected === null ? undefined : points[selected];
+  const selectedPoint = selected.length === 1 ? points[selected[0] ?? -1] : undefined;
   return (
     <Section
       id="transfer"
       title="Transfer function"
       fields={["transfer_function", "value_range", "density"]}
-      actions={<Presets histogram={histogram} range={range} surfaceValue={selectedPoint && valueOf(selectedPoint.s, range)} />}
+      actions={(
+        <div className="section-actions tf-actions">
+          <ColourMaps />
+          <Presets histogram={histogram} range={range} surfaceValue={selectedPoint && valueOf(selectedPoint.s, range)} />
+          <CurveMenu />
+        </div>
+      )}
     >
       <Editor key={dataset?.id} points={points} histogram={histogram} shown={region ?? histogram} range={range} whole={whole} onNumbers={() => setFocusRequest((n) => n + 1)} />
       <Row label="Histogram" hint="Grey columns: how many voxels have each value, of all or of what the clip box and planes leave in view; logarithmic shows rare values, too">

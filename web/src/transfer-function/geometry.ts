@@ -1,18 +1,18 @@
 /** From transfer function to drawing: pixels of the plot and SVG paths. */
 
 import type { TransferFunctionPoint } from "../generated/proto";
-import { clamp, lerp } from "../scene/vec";
-import { extinctionOf, heightOf, opacityAt, opacityFromExtinction, opacityOf, type OpacityAxis } from "./opacity";
+import { lerp } from "../scene/vec";
+import { ceilingAbove, extinctionOf, heightOf, opacityAt, opacityFromExtinction, opacityOf, type OpacityScale } from "./opacity";
+import { opacityAtValue } from "./points";
 import type { Range } from "./valueAxis";
 
 /** The plot: its area in pixels, what part of `s` it shows, and its vertical scale. */
-export interface Plot {
+export interface Plot extends OpacityScale {
   left: number;
   top: number;
   width: number;
   height: number;
   window: Range;
-  axis: OpacityAxis;
 }
 
 /** Samples of the curve between two points: opacity is not linear where extinction is. */
@@ -20,11 +20,34 @@ const SEGMENT_SAMPLES = 24;
 
 export const xOf = (plot: Plot, s: number): number =>
   plot.left + ((s - plot.window[0]) / (plot.window[1] - plot.window[0])) * plot.width;
-export const yOf = (plot: Plot, opacity: number): number => plot.top + (1 - heightOf(opacity, plot.axis)) * plot.height;
+export const yOf = (plot: Plot, opacity: number): number => plot.top + (1 - heightOf(opacity, plot)) * plot.height;
 export const sAt = (plot: Plot, x: number): number =>
   plot.window[0] + ((x - plot.left) / plot.width) * (plot.window[1] - plot.window[0]);
-export const heightAt = (plot: Plot, y: number): number => clamp(1 - (y - plot.top) / plot.height, 0, 1);
-export const opacityAtY = (plot: Plot, y: number): number => opacityAt(heightAt(plot, y), plot.axis);
+export const opacityAtY = (plot: Plot, y: number): number => opacityAt(1 - (y - plot.top) / plot.height, plot);
+
+/** The upper end of the opacity axis for a window: 1 for all values, just above the curve where they are zoomed. */
+export function ceilingFor(points: readonly TransferFunctionPoint[], window: Range): number {
+  const [low, high] = window;
+  if (low <= 0 && high >= 1) return 1;
+  const inside = points.filter(({ s }) => s >= low && s <= high).map(opacityOf);
+  return ceilingAbove(Math.max(...inside, opacityAtValue(points, low), opacityAtValue(points, high)));
+}
+
+/** Two opposite corners of a rectangle, pixels. */
+export interface Rubber {
+  x: number;
+  y: number;
+  toX: number;
+  toY: number;
+}
+
+/** The points whose handles lie in a rectangle. */
+export const pointsWithin = (plot: Plot, points: readonly TransferFunctionPoint[], { x, y, toX, toY }: Rubber): number[] =>
+  points.flatMap((point, index) => {
+    const [px, py] = [xOf(plot, point.s), yOf(plot, opacityOf(point))];
+    const inside = px >= Math.min(x, toX) && px <= Math.max(x, toX) && py >= Math.min(y, toY) && py <= Math.max(y, toY);
+    return inside ? [index] : [];
+  });
 
 type Corner = readonly [number, number];
 

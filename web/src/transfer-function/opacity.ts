@@ -43,10 +43,35 @@ export type OpacityAxis = "linear" | "power";
 /** Exponent of the power axis. */
 const POWER = 3;
 
-/** Height on the axis, 0..1, of an opacity. */
-export const heightOf = (opacity: number, axis: OpacityAxis): number =>
-  axis === "linear" ? clamp(opacity, 0, 1) : clamp(opacity, 0, 1) ** (1 / POWER);
+/** The editor's vertical scale. */
+export interface OpacityScale {
+  axis: OpacityAxis;
+  /** Opacity at the upper end, > 0..1. */
+  ceiling: number;
+}
 
-/** Opacity at a height on the axis, 0..1. */
-export const opacityAt = (height: number, axis: OpacityAxis): number =>
-  axis === "linear" ? clamp(height, 0, 1) : clamp(height, 0, 1) ** POWER;
+/** Height on the axis of an opacity: 0 at the lower end, 1 at the upper, more beyond it. */
+export const heightOf = (opacity: number, { axis, ceiling }: OpacityScale): number => {
+  const share = clamp(opacity, 0, 1) / ceiling;
+  return axis === "linear" ? share : share ** (1 / POWER);
+};
+
+/** Opacity at a height on the axis; beyond the upper end it goes on up to 1. */
+export const opacityAt = (height: number, { axis, ceiling }: OpacityScale): number => {
+  const share = Math.max(0, height);
+  return clamp(ceiling * (axis === "linear" ? share : share ** POWER), 0, 1);
+};
+
+/** Lowest upper end of the axis. */
+const MIN_CEILING = 1e-4;
+/** Room above the highest opacity that is shown. */
+const HEADROOM = 1.1;
+
+/** A round upper end (1, 2 or 5 times a power of ten, at most 1) above this opacity; 1 above none. */
+export function ceilingAbove(opacity: number): number {
+  if (opacity <= 0) return 1;
+  const least = Math.max(MIN_CEILING, opacity * HEADROOM);
+  const power = 10 ** Math.floor(Math.log10(least));
+  const factor = [1, 2, 5].find((round) => round * power >= least * (1 - 1e-9)) ?? 10;
+  return Math.min(1, Number((factor * power).toPrecision(1)));
+}

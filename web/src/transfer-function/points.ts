@@ -2,7 +2,7 @@
 
 import { MAX_TRANSFER_FUNCTION_POINTS, type TransferFunctionPoint } from "../generated/proto";
 import { clamp, lerp, lerpTriple, rounded, type Triple } from "../scene/vec";
-import { extinctionOf, heightOf, opacityAt, opacityFromExtinction, opacityOf, withOpacity, type OpacityAxis } from "./opacity";
+import { extinctionOf, heightOf, opacityAt, opacityFromExtinction, opacityOf, withOpacity, type OpacityScale } from "./opacity";
 
 type Points = readonly TransferFunctionPoint[];
 
@@ -45,41 +45,74 @@ export function movePoint(points: Points, index: number, s: number, opacity: num
   });
 }
 
-/** Moves a point and its right neighbour together, by `ds` and `dHeight` of the opacity axis. */
-export function moveBand(points: Points, left: number, ds: number, dHeight: number, axis: OpacityAxis): TransferFunctionPoint[] {
-  const low = points[left - 1]?.s ?? 0;
-  const high = points[left + 2]?.s ?? 1;
-  const step = clamp(ds, low - (points[left]?.s ?? 0), high - (points[left + 1]?.s ?? 1));
+/**
+ * Moves points together, by `ds` and by `dHeight` of the opacity axis. They go no further than the
+ * points beside them that stay.
+ */
+export function movePoints(points: Points, indices: readonly number[], ds: number, dHeight: number, scale: OpacityScale): TransferFunctionPoint[] {
+  const moving = new Set(indices);
+  /** The place of the nearest point on one side that stays. */
+  const stop = (from: number, side: -1 | 1): number => {
+    let at = from + side;
+    while (moving.has(at)) at += side;
+    return points[at]?.s ?? (side < 0 ? 0 : 1);
+  };
+  const room = points.flatMap(({ s }, i) => (moving.has(i) ? [[stop(i, -1) - s, stop(i, 1) - s] as const] : []));
+  const step = clamp(ds, Math.max(...room.map(([least]) => least)), Math.min(...room.map(([, most]) => most)));
   return points.map((point, i) => {
-    if (i !== left && i !== left + 1) return point;
-    const moved = { ...point, s: clamp(rounded(point.s + step), low, high) };
-    if (dHeight === 0) return moved;
-    return withOpacity(moved, opacityAt(heightOf(opacityOf(point), axis) + dHeight, axis));
+    if (!moving.has(i)) return point;
+    // Clamped last: rounding could pass a neighbour that is not round.
+    const moved = { ...point, s: clamp(rounded(point.s + step), stop(i, -1), stop(i, 1)) };
+    return dHeight === 0 ? moved : withOpacity(moved, opacityAt(heightOf(opacityOf(point), scale) + dHeight, scale));
   });
 }
 
-/** Adds a point with the colour and material found there; its index comes with the points. */
-export function addPoint(points: Points, s: number, opacity: number): { points: TransferFunctionPoint[]; index: number } {
+/** Adds a point with the colour and material found there, with an opacity or on the curve (null); its index comes with the points. */
+export function addPoint(points: Points, s: number, opacity: number | null): { points: TransferFunctionPoint[]; index: number } {
   if (points.length >= MAX_TRANSFER_FUNCTION_POINTS) return { points: [...points], index: -1 };
   const found = points.findIndex((point) => point.s > s);
   const index = found === -1 ? points.length : found;
-  const { albedo, emission, material } = matterAt(points, s);
+  const { extinction, albedo, emission, material } = matterAt(points, s);
   const round = (t: Triple): Triple => [rounded(t[0]), rounded(t[1]), rounded(t[2])];
-  const point: TransferFunctionPoint = { s: clamp(rounded(s), points[index - 1]?.s ?? 0, points[index]?.s ?? 1), opacity: rounded(opacity), albedo: round(albedo), emission: round(emission) };
+  const point: TransferFunctionPoint = { s: clamp(rounded(s), points[index - 1]?.s ?? 0, points[index]?.s ?? 1), opacity: rounded(opacity ?? opacityFromExtinction(extinction)), albedo: round(albedo), emission: round(emission) };
   if (material !== undefined) point.material = material;
   return { points: [...points.slice(0, index), point, ...points.slice(index)], index };
 }
 
-/** Removes a point; the last one stays. */
-export const removePoint = (points: Points, index: number): TransferFunctionPoint[] =>
-  points.length > 1 ? points.filter((_, i) => i !== index) : [...points];
+/** The middle of the widest gap between neighbours, or between a curve's end and the axis's. */
+export function widestGap(points: Points): number {
+  const places = [0, ...points.map(({ s }) => s), 1];
+  const gaps = places.slice(1).map((s, i) => ({ from: places[i] ?? 0, width: s - (places[i] ?? 0) }));
+  const widest = gaps.reduce((most, gap) => (gap.width > most.width ? gap : most), { from: 0, width: 0 });
+  return widest.from + widest.width / 2;
+}
 
-/** Replaces a point by what `change` makes of it. */
-export const changePoint = (
+/** Removes points; one of all stays. */
+export function removePoints(points: Points, indices: readonly number[]): TransferFunctionPoint[] {
+  const left = points.filter((_, i) => !indices.includes(i));
+  return left.length > 0 ? left : points.slice(0, 1);
+}
+
+/** Replaces points by what `change` makes of them. */
+export const changePoints = (
   points: Points,
-  index: number,
+  indices: readonly number[],
   change: (point: TransferFunctionPoint) => TransferFunctionPoint,
-): TransferFunctionPoint[] => points.map((point, i) => (i === index ? change(point) : point));
+): TransferFunctionPoint[] => points.map((point, i) => (indices.includes(i) ? change(point) : point));
+
+/**
+ * Puts points into the curve in place of those between the first and the last of them; `indices`
+ * tells where they are. Of a step at an end its outer side stays.
+ */
+export function insertPoints(points: Points, added: Points): { points: TransferFunctionPoint[]; indices: number[] } {
+  const [low, high] = [added[0]?.s ?? 0, added.at(-1)?.s ?? 0];
+  const lastBelow = points.findLastIndex(({ s }) => s <= low);
+  const firstAbove = points.findIndex(({ s }) => s >= high);
+  const before = points.filter(({ s }, i) => s < low || (s === low && i < lastBelow));
+  const after = points.filter(({ s }, i) => s > high || (s === high && low < high && i > firstAbove));
+  if (before.length + added.length + after.length > MAX_TRANSFER_FUNCTION_POINTS) return { points: [...points], indices: [] };
+  return { points: [...before, ...added, ...after], indices: added.map((_, i) => before.length + i) };
+}
 
 /** The point with another material; null for none. */
 export function withMaterial(point: TransferFunctionPoint, name: string | null): TransferFunctionPoint {

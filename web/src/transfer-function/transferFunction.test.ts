@@ -2,9 +2,9 @@ import { describe, expect, it } from "vitest";
 import { MAX_OPACITY, type Histogram, type SceneFile, type TransferFunctionPoint, type VoxelType } from "../generated/proto";
 import { costBins, costRuns, shareInWords } from "./editCost";
 import { regionOf } from "./inView";
-import { extinctionFromOpacity, heightOf, inUnit, opacityAt, opacityFromExtinction, withOpacity } from "./opacity";
+import { ceilingAbove, extinctionFromOpacity, heightOf, inUnit, opacityAt, opacityFromExtinction, withOpacity } from "./opacity";
 import { PictureCache, pictureKey } from "./pictures";
-import { addPoint, changePoint, matterAt, moveBand, movePoint, opacityAtValue, removePoint } from "./points";
+import { addPoint, changePoints, insertPoints, matterAt, movePoint, movePoints, opacityAtValue, removePoints, widestGap } from "./points";
 import { looksLikeCt, otsuThreshold, presetsFor, quantile } from "./presets";
 import { ontoRange } from "./reframe";
 import { formatData, formatValue, histogramColumns, panWindow, positionOf, ticks, valueOf, wholeValues, zoomWindow, type Range } from "./valueAxis";
@@ -12,6 +12,7 @@ import { formatData, formatValue, histogramColumns, panWindow, positionOf, ticks
 const point = (s: number, opacity: number, extra: Partial<TransferFunctionPoint> = {}): TransferFunctionPoint => ({
   s, opacity, albedo: [1, 1, 1], emission: [0, 0, 0], ...extra,
 });
+const linear = { axis: "linear", ceiling: 1 } as const;
 const points = [point(0, 0), point(0.4, 0.2, { material: "bone" }), point(0.6, 0.8), point(1, 1)];
 
 describe("opacity and extinction", () => {
@@ -34,7 +35,14 @@ describe("opacity and extinction", () => {
   });
 
   it.each(["linear", "power"] as const)("invert on the %s axis", (axis) => {
-    for (const opacity of [0, 0.001, 0.3, 1]) expect(opacityAt(heightOf(opacity, axis), axis)).toBeCloseTo(opacity, 12);
+    for (const opacity of [0, 0.001, 0.3, 1]) {
+      for (const ceiling of [1, 0.02]) expect(opacityAt(heightOf(opacity, { axis, ceiling }), { axis, ceiling })).toBeCloseTo(opacity, 12);
+    }
+    expect(heightOf(0.02, { axis, ceiling: 0.02 })).toBeCloseTo(1, 12);
+  });
+
+  it("have a round upper end just above the curve", () => {
+    expect([0, 0.004, 0.012, 0.3, 0.46, 0.95, 1e-9].map(ceilingAbove)).toEqual([1, 0.005, 0.02, 0.5, 1, 1, 0.0001]);
   });
 });
 
@@ -59,21 +67,44 @@ describe("points", () => {
   });
 
   it("move as a band until a neighbour is met", () => {
-    const moved = moveBand(points, 1, 0.9, 0.1, "linear");
+    const moved = movePoints(points, [1, 2], 0.9, 0.1, linear);
     expect(moved.map((p) => p.s)).toEqual([0, 0.8, 1, 1]);
     expect(moved[1]?.opacity).toBeCloseTo(0.3, 9);
     expect(moved[2]?.opacity).toBeCloseTo(0.9, 9);
-    expect(moveBand(points, 0, -0.5, 0, "linear")[0]).toMatchObject({ s: 0, opacity: 0 });
+    expect(movePoints(points, [0, 1], -0.5, 0, linear)[0]).toMatchObject({ s: 0, opacity: 0 });
   });
 
   it("stay ascending beside places that are not round", () => {
     const third = 1 / 3;
     const steps = [point(0, 0), point(third, 0), point(third, 1), point(2 * third, 1), point(2 * third, 0), point(1, 0)];
     const ascend = (moved: readonly TransferFunctionPoint[]) => moved.every((p, i) => i === 0 || p.s >= (moved[i - 1]?.s ?? 0));
-    expect(ascend(moveBand(steps, 2, 0, -0.5, "linear"))).toBe(true);
+    expect(ascend(movePoints(steps, [2, 3], 0, -0.5, linear))).toBe(true);
     expect(ascend(movePoint(steps, 2, 0, 0.5))).toBe(true);
     expect(ascend(movePoint(steps, 3, 1, 0.5))).toBe(true);
     expect(ascend(addPoint(steps, third + 1e-9, 0.5).points)).toBe(true);
+  });
+
+  it("move together, each run of them up to the points that stay", () => {
+    const moved = movePoints(points, [0, 2], 0.5, -0.1, linear);
+    // The first one may go on to the second, 0.4 away; the third as far as the last.
+    expect(moved.map(({ s }) => s)).toEqual([0.4, 0.4, 1, 1]);
+    expect(moved.map(({ opacity }) => opacity)).toEqual([0, 0.2, 0.7, 1]);
+    expect(movePoints(points, [0, 1, 2, 3], 0.5, 0, linear)).toEqual(points);
+    expect(movePoints(points, [1], 0, 0.5, { axis: "linear", ceiling: 0.1 })[1]?.opacity).toBeCloseTo(0.25, 9);
+  });
+
+  it("are put in the place of those they cover", () => {
+    const added = insertPoints(points, [point(0.3, 0.5), point(0.5, 0.6)]);
+    expect(added.points.map(({ s }) => s)).toEqual([0, 0.3, 0.5, 0.6, 1]);
+    expect(added.indices).toEqual([1, 2]);
+    const steps = [point(0, 0), point(0.3, 0.1), point(0.3, 0.2), point(0.6, 0.2), point(0.6, 0.1), point(1, 0)];
+    expect(insertPoints(steps, steps.slice(2, 4)).points).toEqual(steps);
+    expect(insertPoints(steps, steps.slice(2, 3)).points).toEqual(steps);
+  });
+
+  it("have most room in their widest gap", () => {
+    expect(widestGap(points)).toBeCloseTo(0.2, 12);
+    expect(widestGap([point(0.2, 0), point(0.3, 1)])).toBeCloseTo(0.65, 12);
   });
 
   it("are added with the matter found there", () => {
@@ -81,15 +112,16 @@ describe("points", () => {
     expect(added.index).toBe(2);
     expect(added.points[2]).toMatchObject({ s: 0.5, opacity: 0.33, material: "bone" });
     expect(added.points).toHaveLength(5);
+    expect(addPoint([point(0, 0.2), point(1, 0.2)], 0.5, null).points[1]?.opacity).toBeCloseTo(0.2, 6);
   });
 
   it("never all go", () => {
-    expect(removePoint(points, 0)).toHaveLength(3);
-    expect(removePoint([point(0, 1)], 0)).toHaveLength(1);
+    expect(removePoints(points, [0, 2])).toEqual([points[1], points[3]]);
+    expect(removePoints(points, [0, 1, 2, 3])).toEqual([points[0]]);
   });
 
   it("change alone", () => {
-    const changed = changePoint(points, 2, (p) => ({ ...p, albedo: [1, 0, 0] }));
+    const changed = changePoints(points, [2], (p) => ({ ...p, albedo: [1, 0, 0] }));
     expect(changed[2]?.albedo).toEqual([1, 0, 0]);
     expect(changed[1]).toBe(points[1]);
   });
@@ -175,7 +207,9 @@ describe("the value axis", () => {
     const histogram: Histogram = { value_range: [0, 4], counts: [10, 0, 5, 1], bin_edges: [], bin_shares: [] };
     expect(histogramColumns(histogram, [0, 4], 2, false)).toEqual([1, 0.5]);
     expect(histogramColumns(histogram, [0, 8], 2, false)).toEqual([1, 0]);
-    expect(histogramColumns(histogram, [2, 3], 1, true)[0]).toBeCloseTo(Math.log(6) / Math.log(11), 12);
+    expect(histogramColumns(histogram, [0, 4], 4, true)[2]).toBeCloseTo(Math.log(6) / Math.log(11), 12);
+    // Zoomed, what is seen fills the height.
+    expect(histogramColumns(histogram, [2, 4], 2, false)).toEqual([1, 0.2]);
   });
 });
 

@@ -6,7 +6,7 @@ import { clamp } from "../scene/vec";
 export type Range = readonly [number, number];
 
 /** Narrowest window, as a share of the whole range. */
-const MIN_WINDOW = 1e-3;
+export const MIN_WINDOW = 1e-3;
 /** Integer data over at least this many values are shown without decimals. */
 const WHOLE_SPAN = 100;
 
@@ -61,19 +61,20 @@ export const formatData = (value: number, whole: boolean): string => (whole ? St
 
 /**
  * Heights 0..1 of `columns` equal columns over `window` (data values): the fullest bucket that a
- * column touches, relative to the fullest of all, on a linear or logarithmic scale.
+ * column touches, relative to the fullest of the window, on a linear or logarithmic scale.
  */
 export function histogramColumns(histogram: Pick<Histogram, "counts" | "value_range">, window: Range, columns: number, log: boolean): number[] {
   const { counts, value_range: [low, high] } = histogram;
   const buckets = counts.length;
   if (buckets === 0 || high <= low) return [];
   const measure = log ? Math.log1p : (count: number) => count;
-  const fullest = measure(counts.reduce((a, b) => Math.max(a, b), 1));
   const bucketAt = (value: number) => ((value - low) / (high - low)) * buckets;
-  return Array.from({ length: columns }, (_, column) => {
+  const most = Array.from({ length: columns }, (_, column) => {
     const from = bucketAt(window[0] + ((window[1] - window[0]) * column) / columns);
     const to = bucketAt(window[0] + ((window[1] - window[0]) * (column + 1)) / columns);
     const touched = counts.slice(Math.max(0, Math.floor(from)), Math.max(0, Math.ceil(to)));
-    return measure(touched.reduce((a, b) => Math.max(a, b), 0)) / fullest;
+    return touched.reduce((a, b) => Math.max(a, b), 0);
   });
+  const fullest = measure(most.reduce((a, b) => Math.max(a, b), 1));
+  return most.map((count) => measure(count) / fullest);
 }

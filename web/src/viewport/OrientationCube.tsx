@@ -33,7 +33,7 @@ export function OrientationCube() {
             hidden={z[2] <= 0.02}
             style={{ transform: `matrix3d(${matrix.map((value) => value.toFixed(5)).join(",")})` }}
             title={view.label}
-            aria-label={`View from ${view.label}`}
+            aria-label={`${view.letter}: view from ${view.label}`}
             data-testid={`cube-${view.name}`}
             onClick={() => lookAt(view)}
           >

@@ -3,9 +3,9 @@
 import { useEffect, type RefObject } from "react";
 import { useSession } from "../session/store";
 import { formatValue } from "../transfer-function/valueAxis";
-import { project } from "./camera";
 import { distance, hover, leave, measureAt, middle, pivotAt, useProbing, type Pixel } from "./probing";
 import { unitsPerWorld } from "./scaleBar";
+import { seenAt } from "./screen";
 
 /** The pointer rests this long before its place is asked for, milliseconds. */
 const REST_MILLIS = 90;
@@ -91,10 +91,7 @@ function Distance({ viewport }: { viewport: { width: number; height: number } })
   const spacing = useSession((state) => state.scene?.spacing);
   const [from, to] = ends;
   if (!camera || !from) return null;
-  const seen = (point: typeof from): { x: number; y: number } | null => {
-    const at = project(camera, point);
-    return at && { x: viewport.width / 2 + at[0] * viewport.height, y: viewport.height / 2 - at[1] * viewport.height };
-  };
+  const seen = (point: typeof from) => seenAt(camera, viewport, point);
   const a = seen(from);
   const b = to ? seen(to) : a;
   const label = to ? seen(middle(from, to)) : null;

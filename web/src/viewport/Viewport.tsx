@@ -4,8 +4,10 @@ import { useEffect, useRef, useState } from "react";
 import { IconButton } from "../app/controls";
 import { saveStill } from "../app/files";
 import { sayError } from "../app/say";
+import { useUi } from "../app/uiStore";
 import { useDatasets } from "../datasets/store";
-import { LightHandle } from "../lights/LightHandle";
+import { LightGizmo } from "../lights/LightGizmo";
+import { ClipHandles } from "../quality/ClipHandles";
 import { session } from "../session/engine";
 import { pictureState, useSession } from "../session/store";
 import { currentCamera, resetView, startUp, toggleFullScreen, toggleProjection } from "./actions";
@@ -15,6 +17,8 @@ import { OrientationCube } from "./OrientationCube";
 import { Presenter } from "./presenter";
 import { ProbeLayer } from "./ProbeLayer";
 import { scaleBar, unitsPerWorld } from "./scaleBar";
+import { moveWindow, toggleWindowing, useWindowing } from "./windowing";
+import { WindowReadout } from "./WindowReadout";
 
 export function Viewport() {
   const frame = useRef<HTMLDivElement>(null);
@@ -27,7 +31,12 @@ export function Viewport() {
     if (!element || !parent) return;
     const presenter = new Presenter(element);
     session.present((picture, header) => presenter.show(picture, header));
-    const detach = attachGestures(element, { camera: currentCamera, startUp, move: (camera) => session.moveCamera(camera) });
+    const detach = attachGestures(element, {
+      camera: currentCamera,
+      startUp,
+      move: (camera) => session.moveCamera(camera),
+      window: { active: () => useWindowing.getState().active, begin: () => session.beginGesture(), move: moveWindow, end: () => session.endGesture() },
+    });
 
     const measure = () => {
       const { clientWidth: width, clientHeight: height } = parent;
@@ -49,11 +58,14 @@ export function Viewport() {
   }, []);
 
   const state = useSession(pictureState);
+  const windowing = useWindowing(({ active }) => active);
   return (
     <div className="viewport" ref={frame} data-state={state}>
-      <canvas ref={canvas} className="viewport-canvas" tabIndex={0} aria-label="Rendered volume: drag to turn, wheel to zoom" data-testid="viewport" data-state={state} />
+      <canvas ref={canvas} className="viewport-canvas" tabIndex={0} aria-label="Rendered volume: drag to turn, wheel to zoom" data-testid="viewport" data-state={state} data-tool={windowing ? "window" : undefined} />
       <ProbeLayer canvas={canvas} viewport={size} />
-      <LightHandle viewport={size} />
+      <WindowReadout />
+      <ClipHandles viewport={size} />
+      <LightGizmo viewport={size} />
       <LoadingMark />
       <EdgeLetters />
       <OrientationCube />
@@ -64,11 +76,15 @@ export function Viewport() {
 }
 
 function ViewTools() {
+  const windowing = useWindowing(({ active }) => active);
+  const clipping = useUi((ui) => ui.clipHandles);
   const orthographic = useSession((state) => state.scene?.camera?.orthographic_height !== undefined);
   return (
     <div className="view-tools">
       <IconButton icon="home" label="Back to the starting view" hotkey="R" onClick={resetView} testId="reset-view" />
       <IconButton icon={orthographic ? "orthographic" : "perspective"} label={orthographic ? "Orthographic: change to perspective" : "Perspective: change to orthographic"} active={orthographic} onClick={toggleProjection} testId="toggle-projection" />
+      <IconButton icon="contrast" label="Window and level: drag across for the width, up and down for the middle" hotkey="W" active={windowing} onClick={toggleWindowing} testId="toggle-windowing" />
+      <IconButton icon="box" label="Clip box and planes: handles in the picture" hotkey="C" active={clipping} onClick={() => useUi.setState({ clipHandles: !clipping })} testId="toggle-clip-handles" />
       <IconButton icon="camera" label="Save a still as PNG" hotkey="S" onClick={() => void saveStill()} testId="save-still" />
       <IconButton icon="expand" label="Full screen" hotkey="F" onClick={() => void toggleFullScreen().catch(sayError)} testId="full-screen" />
     </div>

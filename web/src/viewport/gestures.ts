@@ -19,9 +19,17 @@ export interface View {
   /** Up direction of the starting camera: the turntable's axis is the nearest world axis. */
   startUp: () => Triple;
   move: (camera: Camera) => void;
+  /** Window and level, where plain drags are for them. */
+  window: {
+    active: () => boolean;
+    begin: () => void;
+    /** In shares of the viewport, upwards counted positive. */
+    move: (right: number, up: number) => void;
+    end: () => void;
+  };
 }
 
-type Mode = "orbit" | "pan" | "zoom";
+type Mode = "orbit" | "pan" | "zoom" | "window";
 
 interface Point {
   x: number;
@@ -48,7 +56,8 @@ export function attachGestures(element: HTMLElement, view: View): () => void {
     const height = element.clientHeight;
     const dx = by.x / height;
     const dy = by.y / height;
-    if (mode === "orbit") change((camera) => orbit(camera, dx * ORBIT_PER_HEIGHT, dy * ORBIT_PER_HEIGHT, nearestAxis(view.startUp())));
+    if (mode === "window") view.window.move(by.x / element.clientWidth, -dy);
+    else if (mode === "orbit") change((camera) => orbit(camera, dx * ORBIT_PER_HEIGHT, dy * ORBIT_PER_HEIGHT, nearestAxis(view.startUp())));
     else if (mode === "pan") change((camera) => pan(camera, dx, dy));
     else change((camera) => zoom(camera, Math.exp(by.y * DRAG_ZOOM_PER_PIXEL), ...place(grabbed)));
   };
@@ -73,7 +82,9 @@ export function attachGestures(element: HTMLElement, view: View): () => void {
     pointers.set(event.pointerId, { x: event.clientX, y: event.clientY });
     grabbed = { x: event.clientX, y: event.clientY };
     if (event.button === 2) mode = "zoom";
-    else mode = event.button === 1 || event.shiftKey ? "pan" : "orbit";
+    else mode = event.button === 1 || event.shiftKey ? "pan" : view.window.active() !== event.ctrlKey ? "window" : "orbit";
+    // A second finger pinches: the window stays as it is.
+    if (mode === "window" && pointers.size === 1) view.window.begin();
     element.dataset.gesture = mode;
     if (event.button === 1) event.preventDefault();
   };
@@ -87,7 +98,10 @@ export function attachGestures(element: HTMLElement, view: View): () => void {
   };
   const up = (event: PointerEvent) => {
     pointers.delete(event.pointerId);
-    if (pointers.size === 0) delete element.dataset.gesture;
+    if (pointers.size > 0) return;
+    delete element.dataset.gesture;
+    if (mode === "window") view.window.end();
+    mode = "orbit";
   };
   const wheel = (event: WheelEvent) => {
     event.preventDefault();

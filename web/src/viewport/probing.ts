@@ -63,6 +63,9 @@ export async function pivotAt(pixel: Pixel): Promise<void> {
   }
 }
 
+/** The same with the middle of the picture, which is the middle of a square one, too. */
+export const pivotAtMiddle = (): Promise<void> => pivotAt({ x: 500, y: 500, width: 1000, height: 1000 });
+
 export const toggleMeasuring = (): void => useProbing.setState(({ measuring }) => ({ measuring: !measuring, ends: [] }));
 
 /** Sets the next end of the distance; a third one begins anew. */

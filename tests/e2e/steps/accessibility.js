@@ -1,0 +1,107 @@
+import assert from "node:assert/strict";
+import axe from "axe-core";
+import { SHORT_MILLIS } from "../lib/page.js";
+import { until } from "../lib/wait.js";
+import { sessionOf, step } from "../lib/world.js";
+
+/** A sample that is drawn quickly. */
+const SAMPLE = "smoke_plume";
+/** WCAG 2.2 up to level AA, and what axe calls best practice. */
+const RULES = {
+  runOnly: ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"],
+  // Menus and tooltips stand beside the landmarks by nature.
+  rules: { region: { enabled: false } },
+};
+
+/** What the linter finds, in words. */
+async function findings(visitor) {
+  const { violations } = await visitor.page.evaluate((rules) => globalThis.axe.run(document, rules), RULES);
+  return violations.map(({ id, help, nodes }) => `${id}: ${help}: ${nodes.map(({ html }) => html.slice(0, 140)).join(" | ")}`);
+}
+
+/** What is open when the linter looks; the first one is the page as it comes. */
+const states = {
+  "the page": async () => {},
+  "a point, a light and the handles": async (visitor) => {
+    await visitor.at("tf-point-1").focus();
+    await visitor.at("light-select-0").click();
+    await visitor.at("light-add").click();
+    await visitor.at("light-add-spot").click();
+    await visitor.at("section-toggle-materials").click();
+    await visitor.at("toggle-clip-handles").click();
+    await visitor.at("toggle-windowing").click();
+  },
+  statistics: (visitor) => visitor.at("status-line").click(),
+  "colour maps": async (visitor) => {
+    await visitor.at("status-line").click();
+    await visitor.at("tf-colours").click();
+  },
+  presets: async (visitor) => {
+    await visitor.at("tf-colours").click();
+    await visitor.at("tf-presets").click();
+  },
+  "the curve's menu": async (visitor) => {
+    await visitor.at("tf-presets").click();
+    await visitor.at("tf-menu").click();
+  },
+  gallery: async (visitor) => {
+    await visitor.key("Escape");
+    await visitor.at("gallery-open").click();
+    await visitor.at("gallery-list").waitFor();
+  },
+  help: async (visitor) => {
+    await visitor.key("Escape");
+    await visitor.at("help").click();
+    await visitor.at("help-sheet").getByText("Keys and gestures").waitFor();
+  },
+};
+
+export function accessibilitySteps() {
+  for (const colorScheme of ["dark", "light"]) {
+    step(`accessibility: the linter finds nothing in the ${colorScheme} theme`, async (arrive) => {
+      const visitor = await arrive({ hash: await sessionOf(SAMPLE), width: 1280, height: 900, colorScheme });
+      await visitor.picture();
+      await visitor.page.evaluate(axe.source);
+      const found = {};
+      for (const [state, open] of Object.entries(states)) {
+        await open(visitor);
+        // What opens fades in: half-seen text would have too little contrast.
+        await visitor.page.waitForTimeout(400);
+        const here = await findings(visitor);
+        if (here.length > 0) found[state] = here;
+      }
+      assert.deepEqual(found, {});
+      assert.deepEqual(visitor.complaints, []);
+    });
+  }
+
+  step("accessibility: the linter finds nothing on a telephone", async (arrive) => {
+    const visitor = await arrive({ hash: await sessionOf(SAMPLE), width: 390, height: 800, hasTouch: true, colorScheme: "light" });
+    await visitor.picture();
+    await visitor.page.evaluate(axe.source);
+    const found = { page: await findings(visitor) };
+    for (const side of ["left", "right"]) {
+      await visitor.at(`toggle-${side}`).click();
+      found[side] = await findings(visitor);
+    }
+    assert.deepEqual(found, { page: [], left: [], right: [] });
+  });
+
+  step("theme: follows the system, until the other one is chosen", async (arrive) => {
+    const visitor = await arrive({ hash: await sessionOf(SAMPLE) });
+    await visitor.picture();
+    const theme = () => visitor.page.locator("html").getAttribute("data-mantine-color-scheme");
+    const becomes = (wanted) => until(`the ${wanted} theme`, SHORT_MILLIS, async () => (await theme()) === wanted);
+    assert.equal(await theme(), "dark");
+    await visitor.page.emulateMedia({ colorScheme: "light" });
+    await becomes("light");
+    await visitor.at("toggle-theme").click();
+    await becomes("dark");
+    await visitor.page.reload();
+    await becomes("dark");
+    await visitor.at("toggle-theme").click();
+    await becomes("light");
+    await visitor.page.emulateMedia({ colorScheme: "dark" });
+    await becomes("dark");
+  });
+}
