@@ -28,8 +28,10 @@ pub enum Pass {
     ViewSegments,
     /// View rays into the film.
     RayCast,
-    /// Paths into the film.
+    /// Paths into the film, or into the layers it is mixed from.
     PathTrace,
+    /// Light layers into the film.
+    MixLights,
     /// Film to picture.
     ToneMap,
 }
@@ -47,6 +49,7 @@ impl Pass {
             Pass::ViewSegments => "view_segments",
             Pass::RayCast => "ray_cast",
             Pass::PathTrace => "path_trace",
+            Pass::MixLights => "mix_lights",
             Pass::ToneMap => "tone_map",
         }
     }
@@ -99,6 +102,8 @@ pub enum SegmentsPlan {
 pub enum FilmPlan {
     /// It stays as it is.
     Keep,
+    /// It is summed up anew from its light layers, which stay as they are.
+    Mix,
     /// Samples are added to those it holds.
     Refine,
     /// It starts again.
@@ -186,6 +191,7 @@ impl Plan {
             Err(_) => (FilmPlan::Keep, 0),
         };
         let film_runs = film != FilmPlan::Keep;
+        let paths_or_rays_run = film_runs && film != FilmPlan::Mix;
         let integrator = scene.integrator();
         let rays_only = |verdict: Verdict| match integrator {
             Integrator::RayCaster => verdict,
@@ -204,7 +210,7 @@ impl Plan {
             passes.push(PlannedPass { pass, runs, reason, work: if runs { work } else { 0 }, unit });
         };
         let tables_needed = |verdict: Verdict| {
-            if film_runs { verdict } else { Err("no ray will be cast".to_owned()) }
+            if paths_or_rays_run { verdict } else { Err("no ray will be cast".to_owned()) }
         };
         plan(
             Pass::UploadVolume,
@@ -256,7 +262,9 @@ impl Plan {
         plan(Pass::ViewSegments, verdict, all_segments, "segments a sample");
         let film_verdict = film_verdict.map(|(reason, ..)| reason);
         plan(Pass::RayCast, rays_only(film_verdict.clone()), pixels * samples_missing, "pixel samples");
-        plan(Pass::PathTrace, paths_only(film_verdict), pixels * samples_missing, "paths");
+        let (traced, mixed) = mixing(scene, film, film_verdict);
+        plan(Pass::PathTrace, paths_only(traced), pixels * samples_missing, "paths");
+        plan(Pass::MixLights, paths_only(mixed), pixels, "pixels");
         plan(Pass::ToneMap, tone_map(caches.picture, scene, target, film_runs), pixels, "pixels");
         let changes =
             caches.film.map_or_else(Vec::new, |film| Changes::between(film.scene, scene).in_words());
@@ -324,8 +332,24 @@ fn distance_map(cached: Option<&Scene>, scene: &Scene) -> Verdict {
 fn upload_lights(cached: Option<&Scene>, scene: &Scene) -> Verdict {
     match cached {
         None => Ok("not on the GPU yet".into()),
-        Some(old) if old.lights != scene.lights => Ok("lights edited".into()),
-        Some(_) => Err("same lights".into()),
+        // For layers lights are taken to be white and of strength 1.
+        Some(old) if old.shares_light_layers(scene) => Err("same lights but for their power".into()),
+        Some(old) if old.lights == scene.lights && old.has_light_layers() == scene.has_light_layers() => {
+            Err("same lights".into())
+        }
+        Some(_) => Ok("lights edited".into()),
+    }
+}
+
+/// What paths do, and what becomes of their light layers.
+fn mixing(scene: &Scene, film: FilmPlan, verdict: Verdict) -> (Verdict, Verdict) {
+    if !scene.has_light_layers() {
+        return (verdict, Err("light is not kept in layers".into()));
+    }
+    match (film, verdict) {
+        (FilmPlan::Mix, Ok(reason)) => (Err("the light layers stay as they are".into()), Ok(reason)),
+        (_, Ok(reason)) => (Ok(reason), Ok("the layers change".into())),
+        (_, Err(reason)) => (Err(reason.clone()), Err(reason)),
     }
 }
 
@@ -362,7 +386,7 @@ fn draw_film(caches: &Caches<'_>, scene: &Scene, target: Target) -> Result<(Stri
         return from_scratch("the film is empty".into());
     };
     let changes = Changes::between(film.scene, scene);
-    let seen = changes_seen(&changes, film.scene, scene);
+    let Seen { changes: seen, mixed } = changes_seen(&changes, film.scene, scene);
     let mut reasons = seen.in_words();
     if (film.held.width, film.held.height) != (target.width, target.height) {
         reasons.push(format!("image size is now {} x {}", target.width, target.height));
@@ -371,7 +395,7 @@ fn draw_film(caches: &Caches<'_>, scene: &Scene, target: Target) -> Result<(Stri
         let same_size = (film.held.width, film.held.height) == (target.width, target.height);
         let bins = bins_alone_changed(film.scene, scene);
         if let (Integrator::PathTracer, true, Some(bins)) = (scene.integrator(), same_size, bins)
-            && film.scene.background == scene.background
+            && (mixed_alike(film.scene, scene) || film.scene.background == scene.background)
             // Whether it is worth following a path's last ray.
             && film.scene.glows() == scene.glows()
         {
@@ -382,19 +406,22 @@ fn draw_film(caches: &Caches<'_>, scene: &Scene, target: Target) -> Result<(Stri
         }
         return from_scratch(reasons.join(", "));
     }
-    if let Some(error) = film.error.filter(|&error| good_enough(scene, error)) {
+    // How well another mix is known is not known yet.
+    let error = film.error.filter(|&error| mixed.is_empty() && good_enough(scene, error));
+    if let Some(error) = error {
         return Err(format!("the error is {:.2} %, as good as asked for", 100.0 * error));
     }
     if film.held.samples_per_pixel < target.samples_per_pixel {
         let missing = target.samples_per_pixel - film.held.samples_per_pixel;
-        return Ok((
-            format!(
-                "refining from {} to {} samples per pixel",
-                film.held.samples_per_pixel, target.samples_per_pixel
-            ),
-            FilmPlan::Refine,
-            missing,
-        ));
+        let refining = format!(
+            "refining from {} to {} samples per pixel",
+            film.held.samples_per_pixel, target.samples_per_pixel
+        );
+        let reasons = std::iter::once(refining).chain(mixed).collect::<Vec<_>>();
+        return Ok((reasons.join(", "), FilmPlan::Refine, missing));
+    }
+    if !mixed.is_empty() {
+        return Ok((format!("mixed anew: {}", mixed.join(", ")), FilmPlan::Mix, 0));
     }
     Err(if changes.is_empty() {
         "nothing changed".into()
@@ -458,20 +485,45 @@ pub fn bins_changed_since(bases: &[&Scene], scene: &Scene) -> Option<u64> {
 /// Bins in which matter changed, if nothing else did that segments depend on. What lies behind the
 /// volume is added when they are put together.
 fn bins_alone_changed(old: &Scene, new: &Scene) -> Option<u64> {
-    let mut seen = changes_seen(&Changes::between(old, new), old, new);
+    let mut seen = changes_seen(&Changes::between(old, new), old, new).changes;
     let bins = std::mem::take(&mut seen.bins);
     seen.background = false;
     seen.is_empty().then_some(bins)
 }
 
+/// Changes that show on the film.
+struct Seen {
+    /// By which what was drawn is not what is wanted.
+    changes: Changes,
+    /// Those, in words, for which light layers are summed up anew and stay as they are.
+    mixed: Vec<String>,
+}
+
+/// Whether the pictures of both scenes are mixed from the same layers, if matter and view are the
+/// same.
+fn mixed_alike(old: &Scene, new: &Scene) -> bool {
+    old.shares_light_layers(new) && old.background.differs_in_power_alone(&new.background)
+}
+
 /// Those of the changes from `old` to `new` that show on the film.
-fn changes_seen(changes: &Changes, old: &Scene, new: &Scene) -> Changes {
+fn changes_seen(changes: &Changes, old: &Scene, new: &Scene) -> Seen {
+    let mut seen = changes_on_film(changes, old, new);
+    let mut mixed = Changes::default();
+    if mixed_alike(old, new) {
+        mixed.lights = std::mem::take(&mut seen.lights);
+        mixed.background = std::mem::take(&mut seen.background);
+    }
+    Seen { changes: seen, mixed: mixed.in_words() }
+}
+
+fn changes_on_film(changes: &Changes, old: &Scene, new: &Scene) -> Changes {
     let paths = new.integrator() == Integrator::PathTracer;
     let mut seen = Changes {
         // What cannot show in a picture without shadows and multiple scattering, or not in the film.
         clip_shadows: paths && changes.clip_shadows,
         orders: paths && changes.orders,
         longest_path: paths && changes.longest_path,
+        light_layers: paths && changes.light_layers,
         // Steps are the ray caster's.
         ray_sampling: !paths && changes.ray_sampling,
         film: false,
