@@ -631,7 +631,8 @@ mod tests {
     fn the_first_frame_runs_everything() {
         let volume = volume();
         let plan = Plan::new(&Caches::default(), &scene(&volume, json!({})), TARGET);
-        let idle = [Pass::ViewSegments, Pass::Majorants, Pass::UploadEnvironment, Pass::PathTrace];
+        let paths = [Pass::Majorants, Pass::UploadEnvironment, Pass::PathTrace, Pass::MixLights];
+        let idle = [&[Pass::ViewSegments], &paths[..]].concat();
         assert!(plan.passes.iter().all(|p| p.runs != idle.contains(&p.pass)), "{plan:?}");
         let cast = plan.passes.iter().find(|p| p.pass == Pass::RayCast).unwrap();
         assert_eq!(cast.work, 64 * 48 * 4);
@@ -675,6 +676,69 @@ mod tests {
             let scene = traced(json!({"illumination": {"method": "path_traced", "max_error": wanted}}));
             assert_eq!(Plan::new(&caches, &scene, more).runs(Pass::PathTrace), runs, "{wanted}");
         }
+    }
+
+    #[test]
+    fn colours_of_lights_in_layers_follow_no_path() {
+        let volume = volume();
+        let sun = |key: &str, value: serde_json::Value| {
+            let mut sun = json!({"id": "sun", "type": "directional", "direction": [0, -1, 0],
+                "irradiance": [1, 1, 1]});
+            sun[key] = value;
+            sun
+        };
+        let lamp = |height: f64, enabled: bool| {
+            json!({"id": "lamp", "type": "point", "position": [0, height, 0], "intensity": [1, 1, 1],
+                "enabled": enabled})
+        };
+        let layered = |patch: serde_json::Value| {
+            let mut all = json!({"illumination": {"method": "path_traced", "light_layers": true},
+                "lights": [sun("id", json!("sun")), lamp(1.0, false)]});
+            all.as_object_mut().unwrap().extend(patch.as_object().unwrap().clone());
+            scene(&volume, all)
+        };
+        let old = layered(json!({}));
+        assert_eq!(old.lights.len(), 2, "a light that is off keeps its layer");
+        let first = Plan::new(&Caches::default(), &old, TARGET);
+        assert!(first.runs(Pass::PathTrace) && first.runs(Pass::MixLights), "{first:?}");
+        let check = |patch, expected: &[&str]| assert_eq!(running(&old, &layered(patch)), expected);
+        let mixed = ["mix_lights", "tone_map"];
+        let retraced = ["upload_lights", "path_trace", "mix_lights", "tone_map"];
+        check(json!({}), &[]);
+        check(json!({"lights": [sun("irradiance", json!([9, 0, 1])), lamp(1.0, false)]}), &mixed);
+        check(json!({"lights": [sun("enabled", json!(false)), lamp(1.0, true)]}), &mixed);
+        check(json!({"background": [1, 0, 0]}), &mixed);
+        // What has no layer yet, or another one: off or not, and in another order.
+        check(json!({"lights": [sun("direction", json!([1, 0, 0])), lamp(1.0, false)]}), &retraced);
+        check(json!({"lights": [sun("id", json!("sun")), lamp(2.0, false)]}), &retraced);
+        check(json!({"lights": [lamp(1.0, false), sun("id", json!("sun"))]}), &retraced);
+        check(json!({"lights": [sun("id", json!("sun"))]}), &retraced);
+        let plain = scene(&volume, json!({"illumination": {"method": "path_traced"}}));
+        assert_eq!(running(&old, &plain), ["upload_lights", "path_trace", "tone_map"]);
+        // With matter edited beside it, tiles start again; a picture that lacks paths goes on.
+        let points =
+            json!([{"s": 0, "extinction": 0}, {"s": 0.15, "extinction": 0}, {"s": 1, "extinction": 90}]);
+        let both = json!({"lights": [sun("irradiance", json!([9, 0, 1])), lamp(1.0, true)],
+            "transfer_function": {"points": points}});
+        let plan_on = |error: Option<f64>, new: &Scene, target: Target| {
+            let film = Some(FilmState { scene: &old, held: TARGET, error });
+            Plan::new(&Caches { film, ..Caches::default() }, new, target)
+        };
+        let tiles = plan_on(None, &layered(both), TARGET).film;
+        assert!(matches!(tiles, FilmPlan::RestartTiles { .. }), "{tiles:?}");
+        // How good another mix is, is not known before it is made.
+        let mut recoloured = json!({"lights": [sun("irradiance", json!([9, 0, 1])), lamp(1.0, false)]});
+        recoloured["illumination"] =
+            json!({"method": "path_traced", "light_layers": true, "max_error": 0.02});
+        let recoloured = layered(recoloured);
+        let more = Target { samples_per_pixel: 400, ..TARGET };
+        assert_eq!(plan_on(Some(0.01), &recoloured, more).film, FilmPlan::Refine);
+        let plan = plan_on(Some(0.01), &recoloured, TARGET);
+        let reason = |pass| plan.passes.iter().find(|p| p.pass == pass).unwrap().reason.clone();
+        assert_eq!(plan.film, FilmPlan::Mix);
+        assert_eq!(reason(Pass::MixLights), "mixed anew: light `sun` recoloured");
+        assert_eq!(reason(Pass::PathTrace), "the light layers stay as they are");
+        assert_eq!(plan.changes, ["light `sun` recoloured"]);
     }
 
     #[test]
