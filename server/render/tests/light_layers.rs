@@ -326,6 +326,32 @@ fn interrupted_pictures_are_mixed_pictures_of_fewer_paths() {
     assert!(picture.iter().zip(&brighter).any(|(a, b)| *b > 1.5 * a));
 }
 
+/// Rows are worked on in bands, whose layers lie in different buffers.
+#[test]
+fn large_pictures_are_mixed_from_all_their_bands() {
+    let mut renderer = renderer();
+    let volume = balls();
+    let target = Target { width: 144, height: 240, samples_per_pixel: 3 };
+    let lights = |color: [f64; 3]| json!({"lights": [sun(color), uniform([0.2, 0.3, 0.4])]});
+    let mut of = |patches: &[Value]| {
+        let mut view = View::new();
+        for patch in patches {
+            let scene = snapshot(&volume, patch.clone());
+            let budget = Some(Duration::from_millis(5));
+            let request = DrawRequest { snapshot: &scene, target, budget };
+            while !renderer.draw(&mut view, &request).unwrap().complete {}
+        }
+        renderer.radiance(&view).unwrap().rgb
+    };
+    let (first, second) = (lights([3.0, 1.0, 0.5]), lights([1.0, 2.0, 6.0]));
+    let fresh = of(std::slice::from_ref(&second));
+    assert!(of(&[first, second.clone()]) == fresh);
+    let whole = of(&[without_layers(&second)]);
+    let off = |(a, b): (&f32, &f32)| (a - b).abs() / a.abs().max(1e-3);
+    let worst = whole.iter().zip(&fresh).map(off).fold(0.0, f32::max);
+    assert!(worst < 1e-5, "{worst}");
+}
+
 #[test]
 fn the_error_of_a_mix_is_its_difference_from_a_better_picture() {
     let mut renderer = renderer();
