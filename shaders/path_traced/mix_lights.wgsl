@@ -15,9 +15,10 @@ const BRIGHTEST = 1e30;
 struct Mix {
     first_pixel: u32,
     pixel_count: u32,
-    layer_count: u32,
+    // Layers that are not black.
+    term_count: u32,
     pad0: u32,
-    // Linear RGB.
+    // Linear RGB, and the number of the layer.
     powers: array<vec4f, MAX_LAYERS>,
 }
 
@@ -28,11 +29,11 @@ fn mix_lights(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups)
     var even = vec3f(0.0);
     var odd = vec3f(0.0);
     // `id.z` is 0: see `steering` in shared/frame.wgsl.
-    for (var layer = 0u; layer < lights.layer_count + id.z; layer++) {
-        let at = 6u * (layer * lights.pixel_count + pixel);
-        let power = lights.powers[layer].xyz;
-        even += power * vec3f(layers[at], layers[at + 1u], layers[at + 2u]);
-        odd += power * vec3f(layers[at + 3u], layers[at + 4u], layers[at + 5u]);
+    for (var term = 0u; term < lights.term_count + id.z; term++) {
+        let power = lights.powers[term];
+        let at = 6u * (u32(power.w) * lights.pixel_count + pixel);
+        even += power.xyz * vec3f(layers[at], layers[at + 1u], layers[at + 2u]);
+        odd += power.xyz * vec3f(layers[at + 3u], layers[at + 4u], layers[at + 5u]);
     }
     let index = lights.first_pixel + pixel;
     let count = spreads[index].w;

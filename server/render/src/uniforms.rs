@@ -157,7 +157,7 @@ pub const MAX_LAYERS: usize = 10;
 pub struct Mix {
     pub first_pixel: u32,
     pub pixel_count: u32,
-    pub layer_count: u32,
+    pub term_count: u32,
     pub pad0: u32,
     pub powers: [[f32; 4]; MAX_LAYERS],
 }
@@ -301,7 +301,7 @@ pub fn layouts() -> Vec<Layout> {
                 draws,
             }
         ),
-        layout!("Mix", Mix { first_pixel, pixel_count, layer_count, pad0, powers }),
+        layout!("Mix", Mix { first_pixel, pixel_count, term_count, pad0, powers }),
         layout!("Restart", Restart { image, bins }),
         layout!("ToneMap", ToneMap { exposure, operator_id, pixel_count, pad0 }),
     ]

@@ -39,9 +39,9 @@ pub(crate) struct LightLayers {
     /// Of the paths under way.
     findings: wgpu::Buffer,
     uniform: wgpu::Buffer,
-    /// Colour times strength of each layer on the film.
+    /// What the film shows: see [`powers`].
     powers: Vec<[f32; 4]>,
-    /// Pixels times layers summed up since [`LightLayers::take_work`].
+    /// Pixels times layers that are not black, summed up since [`LightLayers::take_work`].
     work: u64,
 }
 
@@ -124,7 +124,7 @@ impl LightLayers {
         }
     }
 
-    /// Pixels times layers summed up since this was last asked.
+    /// Pixels times layers that are not black, summed up since this was last asked.
     pub fn take_work(&mut self) -> u64 {
         std::mem::take(&mut self.work)
     }
@@ -147,11 +147,13 @@ pub(super) fn layer_count(scene: &Scene) -> Option<usize> {
     scene.has_light_layers().then(|| scene.lights.len() + OTHER_LAYERS)
 }
 
-/// Colour times strength of each layer, in the shader's order.
+/// Colour times strength, and number, of each layer that is not black, in the shader's order.
 fn powers(scene: &Scene) -> Vec<[f32; 4]> {
     let lights = scene.lights.iter().map(|light| light.power);
-    let all = lights.chain([scene.background.power(), DVec3::ONE]);
-    all.map(|power| power.as_vec3().extend(0.0).to_array()).collect()
+    let glow = if scene.glows() { DVec3::ONE } else { DVec3::ZERO };
+    let all = lights.chain([scene.background.power(), glow]).enumerate();
+    let shining = all.filter(|(_, power)| *power != DVec3::ZERO);
+    shining.map(|(layer, power)| power.as_vec3().extend(layer as f32).to_array()).collect()
 }
 
 impl Renderer {
@@ -196,7 +198,7 @@ impl Renderer {
     /// Sums up the layers of bands that changed.
     pub(super) fn mix_changed(&self, paths: &mut PathFilm, buffers: &ViewBuffers) -> Result<(), RenderError> {
         let Some(layers) = &mut paths.layers else { return Ok(()) };
-        let mut uniform = Mix { layer_count: layers.count as u32, ..Mix::default() };
+        let mut uniform = Mix { term_count: layers.powers.len() as u32, ..Mix::default() };
         for (slot, power) in uniform.powers.iter_mut().zip(&layers.powers) {
             *slot = *power;
         }
@@ -212,7 +214,7 @@ impl Renderer {
             let groups = in_a_row(band.pixels.div_ceil(WORKGROUP));
             self.dispatch_with(&self.path_tracer.mix, &entries, groups);
             band.on_film = true;
-            layers.work += u64::from(band.pixels) * layers.count as u64;
+            layers.work += u64::from(band.pixels) * layers.powers.len() as u64;
         }
         self.gpu.take_error()
     }
