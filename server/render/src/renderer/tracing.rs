@@ -38,6 +38,9 @@ const MOST_RAYS: u32 = 1 << 12;
 /// most twice eight times these steps, and a turn for each light and ray.
 const MOST_RAYS_SOFTWARE: u32 = 64;
 const MOST_STEPS_SOFTWARE: u32 = 2048;
+/// Pixels that devices work on in step: where one has paths to follow, the others cost as much.
+const LANES: u32 = 32;
+const LANES_SOFTWARE: u32 = 8;
 /// Cells and tentative collisions for each ray, on average.
 const STEPS_A_RAY: u32 = 64;
 /// Fewest paths of a pixel whose spread tells how well the picture is known.
@@ -102,8 +105,17 @@ struct Band {
     rows: u32,
     /// Paths its pixels shall have.
     wanted: u32,
-    /// Whether a dispatch has left paths under way.
-    begun: bool,
+    /// Pixels that a dispatch has left unfinished; `None` before the first.
+    unfinished: Option<u32>,
+}
+
+impl Band {
+    /// How many times the rays of all pixels the unfinished ones may follow in the same time: reading
+    /// and writing what is kept of each pixel would take most of it otherwise.
+    fn patience(&self, width: u32, lanes: u32) -> u32 {
+        let groups = self.unfinished.map_or(u32::MAX, |pixels| pixels.saturating_mul(lanes));
+        (self.rows * width / groups.max(1)).max(1)
+    }
 }
 
 /// How well a path-traced film is known.
@@ -377,9 +389,9 @@ impl Renderer {
         }
         let aim = request.budget.map_or(UNHURRIED_DISPATCH, |b| b.mul_f64(DISPATCH_SHARE_OF_BUDGET));
         let wanted_at_most = request.target.samples_per_pixel;
-        let (most_rays, most_steps) = match gpu.info().software {
-            true => (MOST_RAYS_SOFTWARE, MOST_STEPS_SOFTWARE),
-            false => (MOST_RAYS, MOST_RAYS * STEPS_A_RAY),
+        let (most_rays, most_steps, lanes) = match gpu.info().software {
+            true => (MOST_RAYS_SOFTWARE, MOST_STEPS_SOFTWARE, LANES_SOFTWARE),
+            false => (MOST_RAYS, MOST_RAYS * STEPS_A_RAY, LANES),
         };
         while film.samples < wanted_at_most {
             if paths.estimate.is_some_and(|estimate| good_enough(scene, estimate.relative_error)) {
@@ -397,8 +409,9 @@ impl Renderer {
                 continue;
             };
             (frame.first_row, frame.row_count) = (band.first_row, band.rows);
-            (uniform.wanted, uniform.fresh) = (band.wanted, u32::from(!band.begun));
-            (uniform.rays, uniform.steps) = (paths.rays, (paths.rays * STEPS_A_RAY).min(most_steps));
+            (uniform.wanted, uniform.fresh) = (band.wanted, u32::from(band.unfinished.is_none()));
+            let rays = paths.rays.saturating_mul(band.patience(paths.width, lanes)).min(most_rays);
+            (uniform.rays, uniform.steps) = (rays, (rays * STEPS_A_RAY).min(most_steps));
             gpu.queue.write_buffer(&buffers.frame, 0, bytemuck::bytes_of(&frame));
             gpu.queue.write_buffer(&paths.uniform, 0, bytemuck::bytes_of(&uniform));
             gpu.queue.write_buffer(&buffers.counters, KEPT_COUNTER_BYTES, &[0; 4]);
@@ -422,9 +435,9 @@ impl Renderer {
             }
             // Something on the film is not of a whole pass any more.
             film.rows = 1;
-            let unfinished = counters[KEPT_COUNTER_BYTES as usize..].iter().any(|&byte| byte != 0);
-            if unfinished {
-                paths.band = Some(Band { begun: true, ..band });
+            let unfinished = bytemuck::pod_read_unaligned(&counters[KEPT_COUNTER_BYTES as usize..]);
+            if unfinished > 0 {
+                paths.band = Some(Band { unfinished: Some(unfinished), ..band });
             } else {
                 let first = (band.first_row / TILE_EDGE) as usize;
                 let count = band.rows.div_ceil(TILE_EDGE) as usize;
@@ -452,7 +465,7 @@ impl Renderer {
         let index =
             paths.strips.chunks(strips_of_a_band).position(|strips| strips.iter().any(|&s| s < wanted))?;
         let first_row = index as u32 * rows;
-        Some(Band { first_row, rows: rows.min(paths.height - first_row), wanted, begun: false })
+        Some(Band { first_row, rows: rows.min(paths.height - first_row), wanted, unfinished: None })
     }
 
     /// Estimates how well the film is known.
