@@ -786,11 +786,20 @@ pub struct Illumination {
     /// `path_traced`: scattering events after which a path is cut, 1..10^9. What is lost by it is
     /// counted.
     pub longest_path: u32,
+    /// `path_traced`: what each light brings is kept apart, so that colours, strengths and switches
+    /// of lights change the picture without a new path. At most 8 lights.
+    pub light_layers: bool,
 }
 
 impl Default for Illumination {
     fn default() -> Self {
-        Self { method: Method::default(), paths_per_pixel: 256, max_error: 0.0, longest_path: 100_000 }
+        Self {
+            method: Method::default(),
+            paths_per_pixel: 256,
+            max_error: 0.0,
+            longest_path: 100_000,
+            light_layers: false,
+        }
     }
 }
 

@@ -106,7 +106,7 @@ fn path_trace(
     let inside = id.x < frame.image.x && id.y < frame.row_count;
     let column = min(id.x, frame.image.x - 1u);
     let row = min(id.y, frame.row_count - 1u);
-    let slot = row * frame.image.x + column;
+    slot = row * frame.image.x + column;
     let index = (frame.first_row + row) * frame.image.x + column;
     let place = vec2f(f32(column), f32(frame.first_row + row));
     var path = paths[slot];
@@ -122,31 +122,40 @@ fn path_trace(
     var steps = select(0u, steering(path_tracer.steps), rays > 0u);
     for (var i = 0u; i < rays; i++) {
         let pixel = vec2u(index, u32(spread.w));
+        if LIGHT_LAYERS { forget_findings(path.stage == START); }
         if path.stage == START { begin_path(&path, pixel, place); }
         begin_ray(&path, pixel);
         let outcome = track(&path, pixel, &steps);
         var cut = 0.0;
         let done = advance(&path, pixel, outcome, &cut, &counts);
+        var finite = true;
+        if LIGHT_LAYERS { finite = keep_findings(done, pixel.y); }
         if done {
             path.stage = START;
             counts.z += 1u;
-            var radiance = path.radiance;
-            // A sum that is not finite stays so; everything finite is taken as it is.
-            if !(dot(radiance, vec3f(1.0)) < 1e30) {
-                radiance = vec3f(0.0);
-                counts.w += 1u;
-            }
             cut_off += cut;
-            let deviation = radiance - mean.xyz;
-            mean = vec4f(mean.xyz + deviation / (spread.w + 1.0), 1.0);
-            spread += vec4f(deviation * (radiance - mean.xyz), 1.0);
+            if LIGHT_LAYERS {
+                counts.w += select(1u, 0u, finite);
+                spread.w += 1.0;
+            } else {
+                var radiance = path.radiance;
+                // A sum that is not finite stays so; everything finite is taken as it is.
+                if !(dot(radiance, vec3f(1.0)) < 1e30) {
+                    radiance = vec3f(0.0);
+                    counts.w += 1u;
+                }
+                let deviation = radiance - mean.xyz;
+                mean = vec4f(mean.xyz + deviation / (spread.w + 1.0), 1.0);
+                spread += vec4f(deviation * (radiance - mean.xyz), 1.0);
+            }
         }
         if u32(spread.w) >= steering(path_tracer.wanted) || steps == 0u { rays = 0u; }
     }
     let tile = 2u * (group.y + frame.first_row / 8u) * ((frame.image.x + 7u) / 8u) + 2u * group.x;
     if inside {
         paths[slot] = path;
-        film[index] = mean;
+        // With layers the film is summed up from them by `mix_lights`.
+        if !LIGHT_LAYERS { film[index] = mean; }
         spreads[index] = spread;
         atomicOr(&tiles[tile], bins_met.x);
         atomicOr(&tiles[tile + 1u], bins_met.y);
@@ -213,13 +222,13 @@ fn advance(
     let ray = Ray((*path).origin, (*path).direction);
     if stage == SHADOW {
         // Lost: the transmittance counts as 0.
-        if outcome == ESCAPE { (*path).radiance += (*path).transmittance * (*path).weight; }
+        if outcome == ESCAPE { find(path, (*path).light - 1u, (*path).transmittance * (*path).weight); }
     } else {
         let met_until = select((*path).t, FARTHEST, outcome == ESCAPE);
         let looks = stage == FLIGHT && outcome != LOST;
-        (*path).radiance += (*path).throughput * light_met(ray, met_until, (*path).density, looks);
+        meet_lights(path, ray, met_until, looks);
         if outcome == ESCAPE {
-            if stage == VIEW { (*path).radiance = seen_behind(ray.direction); }
+            if stage == VIEW { find(path, layer_behind(), seen_behind(ray.direction)); }
             return true;
         }
         if outcome == LOST {
@@ -233,7 +242,7 @@ fn advance(
         let albedo = albedo_at(place);
         if EMISSION {
             // sigma_a L_e / sigma_t.
-            (*path).radiance += (*path).throughput * (1.0 - albedo) * emission_at(place);
+            find(path, layer_of_glow(), (*path).throughput * (1.0 - albedo) * emission_at(place));
         }
         if (*path).scatterings == steering(path_tracer.orders) { return true; }
         if (*path).scatterings == steering(path_tracer.longest) {

@@ -1,8 +1,8 @@
 // Test entry points: what the samplers choose, and the densities they state. Joined to the module of
 // `path_trace` by server/render/src/sampler_tests.rs.
 
-@group(0) @binding(16) var<storage, read_write> samples: array<vec4f>;
-@group(0) @binding(17) var<storage, read> places: array<vec4f>;
+@group(0) @binding(18) var<storage, read_write> samples: array<vec4f>;
+@group(0) @binding(19) var<storage, read> places: array<vec4f>;
 
 const TEST_W_O = vec3f(0.36, 0.48, 0.8);
 const TEST_N = vec3f(0.0, 0.0, 1.0);

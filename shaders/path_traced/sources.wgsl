@@ -103,9 +103,9 @@ fn towards_place(light: Source, x: vec3f, u: vec2f) -> Towards {
     return Towards(w_i, distance, light.power * (share / squared), 0.0);
 }
 
-// Light of the sources with an extent that a ray meets before `end`, each weighted against the
-// chance of having looked for it. `density`: of the ray's direction. Without `looks` none.
-fn light_met(ray: Ray, end: f32, density: f32, looks: bool) -> vec3f {
+// The path finds light of the sources with an extent that its ray meets before `end`, each weighted
+// against the chance of having looked for it. Without `looks` none.
+fn meet_lights(path: ptr<function, Path>, ray: Ray, end: f32, looks: bool) {
     var sum = vec3f(0.0);
     let count = select(0u, steering(path_tracer.source_count), looks);
     for (var i = 0u; i < count; i++) {
@@ -123,10 +123,11 @@ fn light_met(ray: Ray, end: f32, density: f32, looks: bool) -> vec3f {
             if light.kind >= RECTANGLE && light.kind <= SPHERE { met = meet(light, ray); }
         }
         if met.y > 0.0 && (met.x < end || end >= FARTHEST) {
-            sum += radiance * power_heuristic(density, met.y);
+            let weighted = radiance * power_heuristic((*path).density, met.y);
+            if LIGHT_LAYERS { find(path, i, (*path).throughput * weighted); } else { sum += weighted; }
         }
     }
-    return sum;
+    if !LIGHT_LAYERS { (*path).radiance += (*path).throughput * sum; }
 }
 
 // Distance of a light with a place that a ray meets, and the density with which `towards` would

@@ -32,9 +32,9 @@ pub enum RenderError {
         /// The limit, with its unit.
         limit: String,
     },
-    /// The scene asks for what is not built yet.
+    /// The scene asks for what is not built yet, or for more than there is room for.
     #[error("{0}")]
-    NotBuilt(proto::FieldError),
+    Refused(proto::FieldError),
     /// The driver reported an error; the picture may be wrong.
     #[error("GPU error: {0}")]
     Gpu(String),

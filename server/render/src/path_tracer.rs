@@ -1,4 +1,5 @@
-//! Pipelines of method `path_traced`: `path_trace` and its variants, `restart_tiles`, `error`.
+//! Pipelines of method `path_traced`: `path_trace` and its variants, `restart_tiles`,
+//! `mix_lights`, `error`.
 
 use std::sync::Arc;
 
@@ -21,6 +22,8 @@ pub struct PathVariant {
     /// Voxels are not interpolated. Otherwise they are in f32: the estimator claims accuracy.
     nearest: bool,
     environment_image: bool,
+    /// Each light is kept apart.
+    light_layers: bool,
     features: Features,
 }
 
@@ -33,6 +36,7 @@ impl PathVariant {
         Self {
             nearest: scene.filter == Filter::Nearest,
             environment_image: scene.environment_image().is_some(),
+            light_layers: scene.has_light_layers(),
             features: Features { surfaces, ..Features::of(scene) },
         }
     }
@@ -48,6 +52,7 @@ pub struct PathTracer {
     /// Reads nothing, but the module declares it.
     pub sampler: wgpu::Sampler,
     pub restart: wgpu::ComputePipeline,
+    pub mix: wgpu::ComputePipeline,
     pub error: wgpu::ComputePipeline,
 }
 
@@ -82,6 +87,7 @@ impl PathTracer {
         Self {
             module: module("path_trace", shaders::PATH_TRACE),
             restart: plain("restart_tiles", shaders::RESTART_TILES),
+            mix: plain("mix_lights", shaders::MIX_LIGHTS),
             error: plain("error", shaders::ERROR),
             sampler: device.create_sampler(&wgpu::SamplerDescriptor::default()),
             bind_group_layout,
@@ -98,6 +104,7 @@ impl PathTracer {
             let mut constants = variant.features.constants().to_vec();
             constants.push(("FILTER", if variant.nearest { 2.0 } else { 1.0 }));
             constants.push(("ENVIRONMENT_IMAGE", f64::from(u8::from(variant.environment_image))));
+            constants.push(("LIGHT_LAYERS", f64::from(u8::from(variant.light_layers))));
             gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some("path_trace"),
                 layout: Some(pipeline_layout),
@@ -114,7 +121,7 @@ impl PathTracer {
     }
 }
 
-fn layout_entries() -> [wgpu::BindGroupLayoutEntry; 16] {
+fn layout_entries() -> [wgpu::BindGroupLayoutEntry; 18] {
     use wgpu::TextureViewDimension::{D2, D3};
     let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
         binding,
@@ -148,5 +155,7 @@ fn layout_entries() -> [wgpu::BindGroupLayoutEntry; 16] {
         entry(13, uniform()),
         entry(14, write()),
         entry(15, write()),
+        entry(16, write()),
+        entry(17, write()),
     ]
 }

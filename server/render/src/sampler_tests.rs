@@ -102,7 +102,7 @@ impl Tested {
         };
         let (radiance, draws) = (texture(&gpu, &radiance), texture(&gpu, &draws));
         let lights = entry_point.contains("light");
-        let mut entries = vec![buffer_entry(16, &out)];
+        let mut entries = vec![buffer_entry(18, &out)];
         if lights {
             entries.extend([buffer_entry(4, &sources), buffer_entry(13, &tracer)]);
             entries.extend([texture_entry(11, &radiance), texture_entry(12, &draws)]);
@@ -110,7 +110,7 @@ impl Tested {
             entries.push(buffer_entry(3, &materials));
         }
         if entry_point.contains("densities") {
-            entries.push(buffer_entry(17, &places));
+            entries.push(buffer_entry(19, &places));
         }
         let bind_group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: None,

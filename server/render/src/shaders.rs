@@ -36,6 +36,7 @@ pub const PATH_TRACE: &str = parts!(
     "path_traced/sources.wgsl",
     "path_traced/scatter.wgsl",
     "path_traced/tracking.wgsl",
+    "path_traced/layers.wgsl",
     "path_traced/path_traced.wgsl",
 );
 
@@ -45,6 +46,9 @@ pub(crate) const SAMPLER_TEST: &str = parts!("path_traced/sampler_test.wgsl");
 
 /// `restart_tiles`.
 pub const RESTART_TILES: &str = parts!("path_traced/restart.wgsl");
+
+/// `mix_lights`.
+pub const MIX_LIGHTS: &str = parts!("path_traced/mix_lights.wgsl");
 
 /// `error`.
 pub const ERROR: &str = parts!("path_traced/error.wgsl");
@@ -57,6 +61,7 @@ pub const ALL: &[(&str, &str)] = &[
     ("ray_cast", RAY_CAST),
     ("path_trace", PATH_TRACE),
     ("restart_tiles", RESTART_TILES),
+    ("mix_lights", MIX_LIGHTS),
     ("error", ERROR),
     ("tone_map", TONE_MAP),
 ];

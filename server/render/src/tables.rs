@@ -141,13 +141,16 @@ fn abc_mass(b: f64, c: f64) -> f64 {
     if x.abs() < 1e-12 { scaled } else { scaled * x.exp_m1() / x }
 }
 
-/// Lights as the path tracer samples them, environments included.
+/// Lights as the path tracer samples them, environments included; of unit power where what each of
+/// them brings is kept apart.
 pub fn sources(scene: &Scene) -> Vec<uniforms::Source> {
-    scene.lights.iter().map(source).collect()
+    let in_layers = scene.has_light_layers();
+    let power = |light: &Light| if in_layers { DVec3::ONE } else { light.power };
+    scene.lights.iter().map(|light| source(light, power(light))).collect()
 }
 
-fn source(light: &Light) -> uniforms::Source {
-    let base = uniforms::Source { power: vector(light.power), ..uniforms::Source::default() };
+fn source(light: &Light, power: DVec3) -> uniforms::Source {
+    let base = uniforms::Source { power: vector(power), ..uniforms::Source::default() };
     match &light.geometry {
         LightGeometry::Directional { direction } => {
             uniforms::Source { kind: 0, direction: vector(*direction), ..base }

@@ -147,6 +147,21 @@ pub struct Path {
     pub draws: u32,
 }
 
+/// Most light layers: 8 lights, what lies behind the volume, and glowing matter.
+pub const MAX_LAYERS: usize = 10;
+
+/// `Mix` of shaders/path_traced/mix_lights.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct Mix {
+    pub first_pixel: u32,
+    pub pixel_count: u32,
+    pub term_count: u32,
+    pub pad0: u32,
+    pub powers: [[f32; 4]; MAX_LAYERS],
+}
+
 /// `Restart` of shaders/path_traced/restart.wgsl.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
@@ -286,6 +301,7 @@ pub fn layouts() -> Vec<Layout> {
                 draws,
             }
         ),
+        layout!("Mix", Mix { first_pixel, pixel_count, term_count, pad0, powers }),
         layout!("Restart", Restart { image, bins }),
         layout!("ToneMap", ToneMap { exposure, operator_id, pixel_count, pad0 }),
     ]

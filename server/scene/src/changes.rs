@@ -25,7 +25,7 @@ pub struct Changes {
     pub volume: bool,
     /// Query set: bins in which a property of matter changed. All bins if the volume did.
     pub bins: u64,
-    /// Lights by id.
+    /// Lights that shine, by id.
     pub lights: Vec<(String, LightChange)>,
     /// The view.
     pub camera: bool,
@@ -41,6 +41,8 @@ pub struct Changes {
     pub method: bool,
     /// Scattering events after which paths are cut.
     pub longest_path: bool,
+    /// Whether there are light layers, or of which lights: their order, names or geometry.
+    pub light_layers: bool,
     /// What a pixel shows.
     pub rendering: bool,
     /// Data values shown black and white.
@@ -75,6 +77,7 @@ impl Changes {
             orders: old.orders != new.orders,
             method: old.method != new.method,
             longest_path: old.paths.longest != new.paths.longest,
+            light_layers: (old.has_light_layers() || new.has_light_layers()) && !old.shares_light_layers(new),
             rendering: old.rendering != new.rendering,
             window: old.window != new.window,
             isosurface: match (old.rendering, new.rendering) {
@@ -112,6 +115,8 @@ impl Changes {
         say(self.orders, "scattering orders");
         say(self.method, "illumination method");
         say(self.longest_path, "longest path");
+        // An added, moved or removed light is named below.
+        say(self.light_layers && self.lights.is_empty(), "light layers");
         say(self.rendering, "rendering mode");
         say(self.window, "window");
         say(self.isosurface, "matter of the isosurface");
@@ -135,8 +140,9 @@ impl Changes {
 
 fn light_changes(old: &[Light], new: &[Light]) -> Vec<(String, LightChange)> {
     let mut changes = Vec::new();
-    for light in new {
-        match old.iter().find(|other| other.id == light.id) {
+    let shining = |light: &&Light| light.shines();
+    for light in new.iter().filter(shining) {
+        match old.iter().filter(shining).find(|other| other.id == light.id) {
             None => changes.push((light.id.clone(), LightChange::Added)),
             Some(other) if other.geometry != light.geometry => {
                 changes.push((light.id.clone(), LightChange::Moved))
@@ -147,7 +153,8 @@ fn light_changes(old: &[Light], new: &[Light]) -> Vec<(String, LightChange)> {
             Some(_) => {}
         }
     }
-    let gone = old.iter().filter(|light| new.iter().all(|other| other.id != light.id));
+    let stays = |light: &&Light| new.iter().filter(shining).any(|other| other.id == light.id);
+    let gone = old.iter().filter(shining).filter(|light| !stays(light));
     changes.extend(gone.map(|light| (light.id.clone(), LightChange::Removed)));
     changes
 }

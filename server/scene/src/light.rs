@@ -8,7 +8,7 @@ use proto::scene_file as file;
 
 use crate::environment::{EnvironmentImage, EnvironmentImages, world_from_map};
 
-/// A light that shines: enabled and not black.
+/// A light. Switched off it has no power.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Light {
     /// Stable name.
@@ -77,10 +77,16 @@ impl LightGeometry {
 }
 
 impl Light {
-    /// From the checked file form; `None` if the light is off or black.
+    /// Whether it is neither off nor black.
+    pub fn shines(&self) -> bool {
+        self.power != DVec3::ZERO
+    }
+
+    /// From the checked file form; `None` for an environment that is off and whose image is not in
+    /// `images`.
     ///
     /// # Errors
-    /// An environment image that is not in `images`.
+    /// The image of an environment that is on is not in `images`.
     pub fn from_file(
         light: &file::Light,
         index: usize,
@@ -110,14 +116,16 @@ impl Light {
             file::Light::Sphere(l) => {
                 (LightGeometry::Sphere { center: v(l.center), radius: l.radius }, l.radiance)
             }
-            file::Light::Environment(l) if !l.enabled => return Ok(None),
             file::Light::Environment(l) => match (l.radiance, &l.image) {
                 (Some(radiance), _) => (LightGeometry::UniformEnvironment, radiance),
                 (None, name) => {
-                    let image = name.as_ref().and_then(|name| images.get(name)).ok_or_else(|| {
+                    let Some(image) = name.as_ref().and_then(|name| images.get(name)) else {
+                        if !l.enabled {
+                            return Ok(None);
+                        }
                         let message = "no image of this name is loaded; give a uniform `radiance` instead";
-                        proto::FieldError::new(format!("lights[{index}].image"), message)
-                    })?;
+                        return Err(proto::FieldError::new(format!("lights[{index}].image"), message));
+                    };
                     let world_from_map = world_from_map(l.rotation_degrees.unwrap_or_default());
                     let geometry = LightGeometry::Environment { image: image.clone(), world_from_map };
                     (geometry, [l.scale.unwrap_or(1.0); 3])
@@ -125,7 +133,7 @@ impl Light {
             },
         };
         let id = light.id().map_or_else(|| index.to_string(), str::to_owned);
-        let shines = light.enabled() && power.iter().any(|&x| x > 0.0);
-        Ok(shines.then_some(Self { id, geometry, power: v(power) }))
+        let power = if light.enabled() { v(power) } else { DVec3::ZERO };
+        Ok(Some(Self { id, geometry, power }))
     }
 }

@@ -28,8 +28,10 @@ pub enum Pass {
     ViewSegments,
     /// View rays into the film.
     RayCast,
-    /// Paths into the film.
+    /// Paths into the film, or into the layers it is mixed from.
     PathTrace,
+    /// Light layers into the film.
+    MixLights,
     /// Film to picture.
     ToneMap,
 }
@@ -47,6 +49,7 @@ impl Pass {
             Pass::ViewSegments => "view_segments",
             Pass::RayCast => "ray_cast",
             Pass::PathTrace => "path_trace",
+            Pass::MixLights => "mix_lights",
             Pass::ToneMap => "tone_map",
         }
     }
@@ -99,6 +102,8 @@ pub enum SegmentsPlan {
 pub enum FilmPlan {
     /// It stays as it is.
     Keep,
+    /// It is summed up anew from its light layers, which stay as they are.
+    Mix,
     /// Samples are added to those it holds.
     Refine,
     /// It starts again.
@@ -186,6 +191,7 @@ impl Plan {
             Err(_) => (FilmPlan::Keep, 0),
         };
         let film_runs = film != FilmPlan::Keep;
+        let paths_or_rays_run = film_runs && film != FilmPlan::Mix;
         let integrator = scene.integrator();
         let rays_only = |verdict: Verdict| match integrator {
             Integrator::RayCaster => verdict,
@@ -204,7 +210,7 @@ impl Plan {
             passes.push(PlannedPass { pass, runs, reason, work: if runs { work } else { 0 }, unit });
         };
         let tables_needed = |verdict: Verdict| {
-            if film_runs { verdict } else { Err("no ray will be cast".to_owned()) }
+            if paths_or_rays_run { verdict } else { Err("no ray will be cast".to_owned()) }
         };
         plan(
             Pass::UploadVolume,
@@ -256,7 +262,9 @@ impl Plan {
         plan(Pass::ViewSegments, verdict, all_segments, "segments a sample");
         let film_verdict = film_verdict.map(|(reason, ..)| reason);
         plan(Pass::RayCast, rays_only(film_verdict.clone()), pixels * samples_missing, "pixel samples");
-        plan(Pass::PathTrace, paths_only(film_verdict), pixels * samples_missing, "paths");
+        let (traced, mixed) = mixing(scene, film, film_verdict);
+        plan(Pass::PathTrace, paths_only(traced), pixels * samples_missing, "paths");
+        plan(Pass::MixLights, paths_only(mixed), pixels, "pixels");
         plan(Pass::ToneMap, tone_map(caches.picture, scene, target, film_runs), pixels, "pixels");
         let changes =
             caches.film.map_or_else(Vec::new, |film| Changes::between(film.scene, scene).in_words());
@@ -324,8 +332,24 @@ fn distance_map(cached: Option<&Scene>, scene: &Scene) -> Verdict {
 fn upload_lights(cached: Option<&Scene>, scene: &Scene) -> Verdict {
     match cached {
         None => Ok("not on the GPU yet".into()),
-        Some(old) if old.lights != scene.lights => Ok("lights edited".into()),
-        Some(_) => Err("same lights".into()),
+        // For layers lights are taken to be white and of strength 1.
+        Some(old) if old.shares_light_layers(scene) => Err("same lights but for their power".into()),
+        Some(old) if old.lights == scene.lights && old.has_light_layers() == scene.has_light_layers() => {
+            Err("same lights".into())
+        }
+        Some(_) => Ok("lights edited".into()),
+    }
+}
+
+/// What paths do, and what becomes of their light layers.
+fn mixing(scene: &Scene, film: FilmPlan, verdict: Verdict) -> (Verdict, Verdict) {
+    if !scene.has_light_layers() {
+        return (verdict, Err("light is not kept in layers".into()));
+    }
+    match (film, verdict) {
+        (FilmPlan::Mix, Ok(reason)) => (Err("the light layers stay as they are".into()), Ok(reason)),
+        (_, Ok(reason)) => (Ok(reason), Ok("the layers change".into())),
+        (_, Err(reason)) => (Err(reason.clone()), Err(reason)),
     }
 }
 
@@ -362,7 +386,7 @@ fn draw_film(caches: &Caches<'_>, scene: &Scene, target: Target) -> Result<(Stri
         return from_scratch("the film is empty".into());
     };
     let changes = Changes::between(film.scene, scene);
-    let seen = changes_seen(&changes, film.scene, scene);
+    let Seen { changes: seen, mixed } = changes_seen(&changes, film.scene, scene);
     let mut reasons = seen.in_words();
     if (film.held.width, film.held.height) != (target.width, target.height) {
         reasons.push(format!("image size is now {} x {}", target.width, target.height));
@@ -371,7 +395,7 @@ fn draw_film(caches: &Caches<'_>, scene: &Scene, target: Target) -> Result<(Stri
         let same_size = (film.held.width, film.held.height) == (target.width, target.height);
         let bins = bins_alone_changed(film.scene, scene);
         if let (Integrator::PathTracer, true, Some(bins)) = (scene.integrator(), same_size, bins)
-            && film.scene.background == scene.background
+            && (mixed_alike(film.scene, scene) || film.scene.background == scene.background)
             // Whether it is worth following a path's last ray.
             && film.scene.glows() == scene.glows()
         {
@@ -382,19 +406,22 @@ fn draw_film(caches: &Caches<'_>, scene: &Scene, target: Target) -> Result<(Stri
         }
         return from_scratch(reasons.join(", "));
     }
-    if let Some(error) = film.error.filter(|&error| good_enough(scene, error)) {
+    // How well another mix is known is not known yet.
+    let error = film.error.filter(|&error| mixed.is_empty() && good_enough(scene, error));
+    if let Some(error) = error {
         return Err(format!("the error is {:.2} %, as good as asked for", 100.0 * error));
     }
     if film.held.samples_per_pixel < target.samples_per_pixel {
         let missing = target.samples_per_pixel - film.held.samples_per_pixel;
-        return Ok((
-            format!(
-                "refining from {} to {} samples per pixel",
-                film.held.samples_per_pixel, target.samples_per_pixel
-            ),
-            FilmPlan::Refine,
-            missing,
-        ));
+        let refining = format!(
+            "refining from {} to {} samples per pixel",
+            film.held.samples_per_pixel, target.samples_per_pixel
+        );
+        let reasons = std::iter::once(refining).chain(mixed).collect::<Vec<_>>();
+        return Ok((reasons.join(", "), FilmPlan::Refine, missing));
+    }
+    if !mixed.is_empty() {
+        return Ok((format!("mixed anew: {}", mixed.join(", ")), FilmPlan::Mix, 0));
     }
     Err(if changes.is_empty() {
         "nothing changed".into()
@@ -458,20 +485,45 @@ pub fn bins_changed_since(bases: &[&Scene], scene: &Scene) -> Option<u64> {
 /// Bins in which matter changed, if nothing else did that segments depend on. What lies behind the
 /// volume is added when they are put together.
 fn bins_alone_changed(old: &Scene, new: &Scene) -> Option<u64> {
-    let mut seen = changes_seen(&Changes::between(old, new), old, new);
+    let mut seen = changes_seen(&Changes::between(old, new), old, new).changes;
     let bins = std::mem::take(&mut seen.bins);
     seen.background = false;
     seen.is_empty().then_some(bins)
 }
 
+/// Changes that show on the film.
+struct Seen {
+    /// By which what was drawn is not what is wanted.
+    changes: Changes,
+    /// Those, in words, for which light layers are summed up anew and stay as they are.
+    mixed: Vec<String>,
+}
+
+/// Whether the pictures of both scenes are mixed from the same layers, if matter and view are the
+/// same.
+fn mixed_alike(old: &Scene, new: &Scene) -> bool {
+    old.shares_light_layers(new) && old.background.differs_in_power_alone(&new.background)
+}
+
 /// Those of the changes from `old` to `new` that show on the film.
-fn changes_seen(changes: &Changes, old: &Scene, new: &Scene) -> Changes {
+fn changes_seen(changes: &Changes, old: &Scene, new: &Scene) -> Seen {
+    let mut seen = changes_on_film(changes, old, new);
+    let mut mixed = Changes::default();
+    if mixed_alike(old, new) {
+        mixed.lights = std::mem::take(&mut seen.lights);
+        mixed.background = std::mem::take(&mut seen.background);
+    }
+    Seen { changes: seen, mixed: mixed.in_words() }
+}
+
+fn changes_on_film(changes: &Changes, old: &Scene, new: &Scene) -> Changes {
     let paths = new.integrator() == Integrator::PathTracer;
     let mut seen = Changes {
         // What cannot show in a picture without shadows and multiple scattering, or not in the film.
         clip_shadows: paths && changes.clip_shadows,
         orders: paths && changes.orders,
         longest_path: paths && changes.longest_path,
+        light_layers: paths && changes.light_layers,
         // Steps are the ray caster's.
         ray_sampling: !paths && changes.ray_sampling,
         film: false,
@@ -579,7 +631,8 @@ mod tests {
     fn the_first_frame_runs_everything() {
         let volume = volume();
         let plan = Plan::new(&Caches::default(), &scene(&volume, json!({})), TARGET);
-        let idle = [Pass::ViewSegments, Pass::Majorants, Pass::UploadEnvironment, Pass::PathTrace];
+        let paths = [Pass::Majorants, Pass::UploadEnvironment, Pass::PathTrace, Pass::MixLights];
+        let idle = [&[Pass::ViewSegments], &paths[..]].concat();
         assert!(plan.passes.iter().all(|p| p.runs != idle.contains(&p.pass)), "{plan:?}");
         let cast = plan.passes.iter().find(|p| p.pass == Pass::RayCast).unwrap();
         assert_eq!(cast.work, 64 * 48 * 4);
@@ -623,6 +676,69 @@ mod tests {
             let scene = traced(json!({"illumination": {"method": "path_traced", "max_error": wanted}}));
             assert_eq!(Plan::new(&caches, &scene, more).runs(Pass::PathTrace), runs, "{wanted}");
         }
+    }
+
+    #[test]
+    fn colours_of_lights_in_layers_follow_no_path() {
+        let volume = volume();
+        let sun = |key: &str, value: serde_json::Value| {
+            let mut sun = json!({"id": "sun", "type": "directional", "direction": [0, -1, 0],
+                "irradiance": [1, 1, 1]});
+            sun[key] = value;
+            sun
+        };
+        let lamp = |height: f64, enabled: bool| {
+            json!({"id": "lamp", "type": "point", "position": [0, height, 0], "intensity": [1, 1, 1],
+                "enabled": enabled})
+        };
+        let layered = |patch: serde_json::Value| {
+            let mut all = json!({"illumination": {"method": "path_traced", "light_layers": true},
+                "lights": [sun("id", json!("sun")), lamp(1.0, false)]});
+            all.as_object_mut().unwrap().extend(patch.as_object().unwrap().clone());
+            scene(&volume, all)
+        };
+        let old = layered(json!({}));
+        assert_eq!(old.lights.len(), 2, "a light that is off keeps its layer");
+        let first = Plan::new(&Caches::default(), &old, TARGET);
+        assert!(first.runs(Pass::PathTrace) && first.runs(Pass::MixLights), "{first:?}");
+        let check = |patch, expected: &[&str]| assert_eq!(running(&old, &layered(patch)), expected);
+        let mixed = ["mix_lights", "tone_map"];
+        let retraced = ["upload_lights", "path_trace", "mix_lights", "tone_map"];
+        check(json!({}), &[]);
+        check(json!({"lights": [sun("irradiance", json!([9, 0, 1])), lamp(1.0, false)]}), &mixed);
+        check(json!({"lights": [sun("enabled", json!(false)), lamp(1.0, true)]}), &mixed);
+        check(json!({"background": [1, 0, 0]}), &mixed);
+        // What has no layer yet, or another one: off or not, and in another order.
+        check(json!({"lights": [sun("direction", json!([1, 0, 0])), lamp(1.0, false)]}), &retraced);
+        check(json!({"lights": [sun("id", json!("sun")), lamp(2.0, false)]}), &retraced);
+        check(json!({"lights": [lamp(1.0, false), sun("id", json!("sun"))]}), &retraced);
+        check(json!({"lights": [sun("id", json!("sun"))]}), &retraced);
+        let plain = scene(&volume, json!({"illumination": {"method": "path_traced"}}));
+        assert_eq!(running(&old, &plain), ["upload_lights", "path_trace", "tone_map"]);
+        // With matter edited beside it, tiles start again; a picture that lacks paths goes on.
+        let points =
+            json!([{"s": 0, "extinction": 0}, {"s": 0.15, "extinction": 0}, {"s": 1, "extinction": 90}]);
+        let both = json!({"lights": [sun("irradiance", json!([9, 0, 1])), lamp(1.0, true)],
+            "transfer_function": {"points": points}});
+        let plan_on = |error: Option<f64>, new: &Scene, target: Target| {
+            let film = Some(FilmState { scene: &old, held: TARGET, error });
+            Plan::new(&Caches { film, ..Caches::default() }, new, target)
+        };
+        let tiles = plan_on(None, &layered(both), TARGET).film;
+        assert!(matches!(tiles, FilmPlan::RestartTiles { .. }), "{tiles:?}");
+        // How good another mix is, is not known before it is made.
+        let mut recoloured = json!({"lights": [sun("irradiance", json!([9, 0, 1])), lamp(1.0, false)]});
+        recoloured["illumination"] =
+            json!({"method": "path_traced", "light_layers": true, "max_error": 0.02});
+        let recoloured = layered(recoloured);
+        let more = Target { samples_per_pixel: 400, ..TARGET };
+        assert_eq!(plan_on(Some(0.01), &recoloured, more).film, FilmPlan::Refine);
+        let plan = plan_on(Some(0.01), &recoloured, TARGET);
+        let reason = |pass| plan.passes.iter().find(|p| p.pass == pass).unwrap().reason.clone();
+        assert_eq!(plan.film, FilmPlan::Mix);
+        assert_eq!(reason(Pass::MixLights), "mixed anew: light `sun` recoloured");
+        assert_eq!(reason(Pass::PathTrace), "the light layers stay as they are");
+        assert_eq!(plan.changes, ["light `sun` recoloured"]);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
 use proto::FieldError;
-use proto::scene_file::{self as file, Film, Filter, Method, Orders, Sampling, SceneFile};
+use proto::scene_file::{self as file, Film, Filter, Method, Orders, RenderingMode, Sampling, SceneFile};
 
 use crate::camera::Camera;
 use crate::clip::Clip;
@@ -31,7 +31,7 @@ pub struct Scene {
     pub transfer_function: TransferFunction,
     /// What the transfer function's material indices mean; the first is isotropic.
     pub materials: Vec<Material>,
-    /// Lights that shine.
+    /// Lights that shine; with light layers those that are off or black, too.
     pub lights: Vec<Light>,
     /// The view.
     pub camera: Camera,
@@ -64,6 +64,8 @@ pub struct Paths {
     pub max_error: f64,
     /// Scattering events after which a path is cut.
     pub longest: u32,
+    /// Whether what each light brings is kept apart.
+    pub light_layers: bool,
 }
 
 /// What makes a picture of a scene.
@@ -89,6 +91,28 @@ pub enum Background {
         /// Factor of the texels, linear RGB.
         scale: DVec3,
     },
+}
+
+impl Background {
+    /// Linear RGB factor of what is seen: the colour, or the image's factor.
+    pub fn power(&self) -> DVec3 {
+        match self {
+            Background::Color(color) => *color,
+            Background::Image { scale, .. } => *scale,
+        }
+    }
+
+    /// Whether it differs from another in [`Background::power`] at most.
+    pub fn differs_in_power_alone(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Background::Color(_), Background::Color(_)) => true,
+            (
+                Background::Image { image: a, world_from_map: a_map, .. },
+                Background::Image { image: b, world_from_map: b_map, .. },
+            ) => a == b && a_map == b_map,
+            _ => false,
+        }
+    }
 }
 
 /// A scene at a moment of its history. Later snapshots have larger epochs.
@@ -123,8 +147,11 @@ impl Scene {
         file.validate()?;
         let (transfer_function, materials) = TransferFunction::from_file(file);
         let mut lights = Vec::with_capacity(file.lights.len());
+        let integrator = integrator(file.illumination.method, file.rendering.mode == RenderingMode::Volume);
+        let keep_off = integrator == Integrator::PathTracer && file.illumination.light_layers;
         for (index, light) in file.lights.iter().enumerate() {
-            lights.extend(Light::from_file(light, index, images)?);
+            let light = Light::from_file(light, index, images)?;
+            lights.extend(light.filter(|light| keep_off || light.shines()));
         }
         let camera = match &file.camera {
             Some(camera) => Camera::from_file(camera),
@@ -152,6 +179,7 @@ impl Scene {
                 per_pixel: file.illumination.paths_per_pixel,
                 max_error: file.illumination.max_error,
                 longest: file.illumination.longest_path,
+                light_layers: file.illumination.light_layers,
             },
             window: file.rendering.window.unwrap_or(value_range),
             rendering: Rendering::from_file(&file.rendering, value_range),
@@ -195,10 +223,19 @@ impl Scene {
 
     /// What makes its picture: whatever the method, projections, slices and isosurfaces are cast.
     pub fn integrator(&self) -> Integrator {
-        match (self.method, self.rendering) {
-            (Method::PathTraced, Rendering::Volume) => Integrator::PathTracer,
-            _ => Integrator::RayCaster,
-        }
+        integrator(self.method, self.rendering == Rendering::Volume)
+    }
+
+    /// Whether its picture is mixed from layers, one for what each light brings.
+    pub fn has_light_layers(&self) -> bool {
+        self.integrator() == Integrator::PathTracer && self.paths.light_layers
+    }
+
+    /// Whether both have layers, of the same lights in the same order but for their power.
+    pub fn shares_light_layers(&self, other: &Self) -> bool {
+        let layered = self.has_light_layers() && other.has_light_layers();
+        let same = |(a, b): (&Light, &Light)| a.id == b.id && a.geometry == b.geometry;
+        layered && self.lights.len() == other.lights.len() && self.lights.iter().zip(&other.lights).all(same)
     }
 
     /// Samples per pixel of a picture at rest.
@@ -247,6 +284,13 @@ impl Scene {
     /// Distance between samples on a view ray, world units.
     pub fn step_world(&self) -> f64 {
         self.sampling.step_voxels * self.grid.smallest_voxel_edge_world()
+    }
+}
+
+fn integrator(method: Method, volume_in_light: bool) -> Integrator {
+    match (method, volume_in_light) {
+        (Method::PathTraced, true) => Integrator::PathTracer,
+        _ => Integrator::RayCaster,
     }
 }
 

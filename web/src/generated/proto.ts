@@ -483,7 +483,12 @@ max_error: number,
  * `path_traced`: scattering events after which a path is cut, 1..10^9. What is lost by it is
  * counted.
  */
-longest_path: number, };
+longest_path: number, 
+/**
+ * `path_traced`: what each light brings is kept apart, so that colours, strengths and switches
+ * of lights change the picture without a new path. At most 8 lights.
+ */
+light_layers: boolean, };
 
 export type Method = "local" | "convection_diffusion" | "image_based" | "precomputed_transfer" | "photon_map" | "path_traced";
 

@@ -2,10 +2,10 @@
 
 import { NativeSelect, Switch } from "@mantine/core";
 import { ColorField, NumberField, Row, Section, SliderField } from "../app/controls";
-import type { Illumination, Sampling, ToneMapping } from "../generated/proto";
+import type { Illumination, Light, Sampling, ToneMapping } from "../generated/proto";
 import { session } from "../session/engine";
 import { useSession } from "../session/store";
-import { isTraced, withoutEffect } from "./methods";
+import { isTraced, whyNotMixed, withoutEffect } from "./methods";
 
 const MAX_SAMPLES = 4096;
 const MAX_PATHS = 1 << 20;
@@ -37,12 +37,13 @@ export function QualityPanel() {
   const filter = useSession((state) => state.scene?.volume.filter);
   const orders = useSession((state) => state.scene?.scattering.orders);
   const illumination = useSession((state) => state.scene?.illumination);
+  const lights = useSession((state) => state.scene?.lights);
   const traced = useSession((state) => state.scene !== null && isTraced(state.scene));
-  if (!sampling || !film || background === undefined || orders === undefined || illumination === undefined) return null;
+  if (!sampling || !film || background === undefined || orders === undefined || illumination === undefined || lights === undefined) return null;
   const ordersLack = withoutEffect(illumination.method, "scattering orders");
   return (
     <Section id="quality" title="Quality" fields={["sampling", "film", "background", "volume", "scattering", "illumination"]}>
-      {traced ? <PathFields illumination={illumination} /> : <RayFields sampling={sampling} />}
+      {traced ? <PathFields illumination={illumination} lights={lights} /> : <RayFields sampling={sampling} />}
       <Row label="Empty space" hint="Skips regions without matter; never changes the picture">
         <Switch checked={sampling.skip_empty} label="Skip" data-testid="skip-empty" onChange={(event) => session.edit({ sampling: { skip_empty: event.currentTarget.checked } })} />
       </Row>
@@ -82,13 +83,18 @@ function RayFields({ sampling }: { sampling: Sampling }) {
   );
 }
 
-/** When the path tracer has done enough. */
-function PathFields({ illumination }: { illumination: Illumination }) {
+/** When the path tracer has done enough, and whether it keeps lights apart. */
+function PathFields({ illumination, lights }: { illumination: Illumination; lights: readonly Light[] }) {
   const percent = illumination.max_error * 100;
+  const notMixed = whyNotMixed(lights);
   return (
     <>
       <SliderField label="Paths" hint="Paths of light per pixel that are followed at rest" value={illumination.paths_per_pixel} min={1} max={MAX_PATHS} sliderMax={SLIDER_PATHS} step={1} toSlider={Math.log2} fromSlider={(x) => Math.round(2 ** x)} digits={7} testId="paths-per-pixel" onChange={(paths) => session.edit({ illumination: { paths_per_pixel: Math.round(paths) } }, "paths")} />
       <SliderField label="Stop at error" hint="Percent: the picture is final once its standard error is this small, or all paths are followed; 0 waits for all paths" value={percent} min={0} max={100} sliderMax={ERRORS.to} step={0.1} toSlider={(x) => Math.log2(Math.max(ERRORS.from, x))} fromSlider={(x) => (2 ** x <= ERRORS.from ? 0 : 2 ** x)} testId="max-error" onChange={(error) => session.edit({ illumination: { max_error: error / 100 } }, "error")} />
+      <Row label="Lights" hint="Keeps what each light brings apart: colours, strengths, switches and the background then change the finished picture at once. Costs memory for every light and time for those that are off, and starts the picture again.">
+        <Switch checked={illumination.light_layers} disabled={notMixed !== null && !illumination.light_layers} label="Mix after rendering" data-testid="light-layers" onChange={(event) => session.edit({ illumination: { light_layers: event.currentTarget.checked } })} />
+      </Row>
+      {notMixed !== null && <p className="hint row-hint" data-testid="light-layers-note">{notMixed}</p>}
     </>
   );
 }

@@ -37,6 +37,12 @@ export function withoutEffect(method: Method, control: "clip shadows" | "scatter
   }[control];
 }
 
+/** Lights that can be mixed afterwards; the server's limit. */
+const MAX_MIXED_LIGHTS = 8;
+
+/** Why lights cannot be mixed after rendering, in words; null if they can. Lights that are off count. */
+export const whyNotMixed = (lights: readonly unknown[]): string | null => (lights.length > MAX_MIXED_LIGHTS ? `Only up to ${MAX_MIXED_LIGHTS} lights can be mixed; there are ${lights.length}.` : null);
+
 /** What of the scene its method does not show; null if nothing is left out. */
 export function shortcoming({ illumination, lights }: Pick<SceneFile, "illumination" | "lights">): string | null {
   const shining = lights.filter((light) => light.enabled);

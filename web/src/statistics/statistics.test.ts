@@ -1,9 +1,9 @@
 import { describe, expect, it } from "vitest";
 import type { FrameHeader, FrameReport, Illumination, Light, Method } from "../generated/proto";
-import { shortcoming } from "../quality/methods";
+import { shortcoming, whyNotMixed } from "../quality/methods";
 import { formatCount, headline, passesRun, reusedShare, skippedShare, stateInWords } from "./figures";
 
-const illumination = (method: Method): Illumination => ({ method, paths_per_pixel: 256, max_error: 0, longest_path: 100000 });
+const illumination = (method: Method): Illumination => ({ method, paths_per_pixel: 256, max_error: 0, longest_path: 100000, light_layers: false });
 const frame = { samples_per_pixel: 3, width: 640, height: 360, viewport_width: 640, viewport_height: 360 } as FrameHeader;
 const report = (counters: Record<string, number>): FrameReport => ({ changes: [], plan: [], stages: [], counters, gpu_bytes: {} });
 
@@ -58,5 +58,11 @@ describe("a method", () => {
     expect(shortcoming({ illumination: illumination("image_based"), lights: [lamp, sky] })).toContain("left out");
     expect(shortcoming({ illumination: illumination("image_based"), lights: [{ ...lamp, enabled: false }, sky] })).toBeNull();
     expect(shortcoming({ illumination: illumination("photon_map"), lights: [lamp] })).toBeNull();
+  });
+
+  it("mixes at most eight lights, those that are off among them", () => {
+    const lights = Array.from({ length: 9 }, () => ({ ...lamp, enabled: false }));
+    expect(whyNotMixed(lights.slice(1))).toBeNull();
+    expect(whyNotMixed(lights)).toContain("there are 9");
   });
 });

@@ -1,6 +1,7 @@
 //! Draws snapshots into views, slice by slice, as the plan says.
 
 mod casting;
+mod layers;
 mod tracing;
 
 use std::collections::BTreeMap;
@@ -154,7 +155,7 @@ pub struct Radiance {
 pub fn check(scene: &Scene) -> Result<(), FieldError> {
     let image = |light: &&scene::Light| matches!(light.geometry, LightGeometry::Environment { .. });
     if scene.integrator() == Integrator::PathTracer {
-        return Ok(());
+        return layers::check_count(scene);
     }
     if METHODS_BUILT.contains(&scene.method) {
         let Some(light) = scene.lights.iter().find(image) else { return Ok(()) };
@@ -193,7 +194,7 @@ impl Renderer {
         let volume = Arc::new(scene::PreparedVolume::new(scene::Volume::new([2, 1, 1], voxels), &|_| {}));
         for (surface, emission) in [(1.0, 0.0), (0.0, 0.0), (1.0, 1.0)] {
             let scene = Scene::new(&warm_up_scene(surface, emission), volume.clone())
-                .map_err(RenderError::NotBuilt)?;
+                .map_err(RenderError::Refused)?;
             let snapshot = Arc::new(Snapshot { epoch: 0, scene });
             let target = Target { width: WORKGROUP_EDGE, height: WORKGROUP_EDGE, samples_per_pixel: 1 };
             let mut view = View::new();
@@ -233,7 +234,7 @@ impl Renderer {
         let snapshot = &centred(request.snapshot);
         let request = &DrawRequest { snapshot, ..*request };
         let scene = &snapshot.scene;
-        check(scene).map_err(RenderError::NotBuilt)?;
+        check(scene).map_err(RenderError::Refused)?;
         let plan = self.plan_centred(view, scene, request.target);
         let mut stages = Stages::default();
         self.bring_tables_up_to_date(view, snapshot, &plan, &mut stages)?;
@@ -247,6 +248,9 @@ impl Renderer {
             stages.time("path_trace", || self.trace_paths(view, scene, request, began))?;
             stages.time("read_counters", || self.read_path_counters(view, &mut counters))?;
             count_tiles(view, &plan, &mut counters);
+            layers::count_mixed(view, &mut counters);
+        } else if plan.film == FilmPlan::Mix {
+            stages.time("mix_lights", || self.mix_alone(view, scene, &mut counters))?;
         }
         let samples = view.film.as_ref().map_or(0, |film| film.samples);
         let estimate = view.paths.as_ref().and_then(|paths| paths.estimate);
@@ -452,6 +456,8 @@ impl Renderer {
         if plan.film != FilmPlan::Restart {
             if let FilmPlan::RestartTiles { bins, .. } = plan.film {
                 self.restart_tiles(view, bins)?;
+            }
+            if plan.film != FilmPlan::Keep {
                 view.picture = None;
             }
             if let Some(film) = &mut view.film {
@@ -479,7 +485,7 @@ impl Renderer {
         view.picture = None;
         match snapshot.scene.integrator() {
             Integrator::RayCaster => Ok(()),
-            Integrator::PathTracer => self.begin_paths(view, target),
+            Integrator::PathTracer => self.begin_paths(view, &snapshot.scene, target),
         }
     }
 

@@ -9,6 +9,7 @@ use scene::light::LightGeometry;
 use scene::plan::{Target, good_enough};
 use scene::{Background, Majorants, Scene};
 
+use super::layers::{LightLayers, behind_in_layers, layer_count};
 use super::{DrawRequest, Radiance, Renderer};
 use crate::environment_map;
 use crate::error::RenderError;
@@ -37,6 +38,9 @@ const MOST_RAYS: u32 = 1 << 12;
 /// most twice eight times these steps, and a turn for each light and ray.
 const MOST_RAYS_SOFTWARE: u32 = 64;
 const MOST_STEPS_SOFTWARE: u32 = 2048;
+/// Pixels that devices work on in step: where one has paths to follow, the others cost as much.
+const LANES: u32 = 32;
+const LANES_SOFTWARE: u32 = 8;
 /// Cells and tentative collisions for each ray, on average.
 const STEPS_A_RAY: u32 = 64;
 /// Fewest paths of a pixel whose spread tells how well the picture is known.
@@ -65,7 +69,11 @@ const TILE_BYTES: u64 = 8;
 /// What the path tracer keeps of a film beside the film.
 pub(crate) struct PathFilm {
     /// Squared deviations and number of paths of each pixel.
-    spreads: wgpu::Buffer,
+    pub(super) spreads: wgpu::Buffer,
+    /// What each light brings, if that is kept apart.
+    pub(super) layers: Option<LightLayers>,
+    /// In place of layers where there are none, and of what paths under way found for them.
+    unused: [wgpu::Buffer; 2],
     /// Bins that each tile's paths relied on.
     tiles: wgpu::Buffer,
     /// Paths under way.
@@ -97,8 +105,17 @@ struct Band {
     rows: u32,
     /// Paths its pixels shall have.
     wanted: u32,
-    /// Whether a dispatch has left paths under way.
-    begun: bool,
+    /// Pixels that a dispatch has left unfinished; `None` before the first.
+    unfinished: Option<u32>,
+}
+
+impl Band {
+    /// How many times the rays of all pixels the unfinished ones may follow in the same time: reading
+    /// and writing what is kept of each pixel would take most of it otherwise.
+    fn patience(&self, width: u32, lanes: u32) -> u32 {
+        let groups = self.unfinished.map_or(u32::MAX, |pixels| pixels.saturating_mul(lanes));
+        (self.rows * width / groups.max(1)).max(1)
+    }
 }
 
 /// How well a path-traced film is known.
@@ -121,7 +138,9 @@ pub struct TilesKept {
 impl PathFilm {
     /// Bytes of all buffers.
     pub fn bytes(&self) -> u64 {
-        [&self.spreads, &self.tiles, &self.paths, &self.sums].map(wgpu::Buffer::size).iter().sum()
+        let buffers = [&self.spreads, &self.tiles, &self.paths, &self.sums];
+        buffers.map(wgpu::Buffer::size).iter().sum::<u64>()
+            + self.layers.as_ref().map_or(0, LightLayers::bytes)
     }
 
     /// Bins that the paths of each tile relied on, when the last pass ended.
@@ -172,13 +191,21 @@ impl Renderer {
     }
 
     /// An empty path film of the film's size.
-    pub(super) fn begin_paths(&self, view: &mut View, target: Target) -> Result<(), RenderError> {
+    pub(super) fn begin_paths(
+        &self,
+        view: &mut View,
+        scene: &Scene,
+        target: Target,
+    ) -> Result<(), RenderError> {
         let Target { width, height, .. } = target;
-        let same_size =
-            view.paths.as_ref().is_some_and(|paths| (paths.width, paths.height) == (width, height));
-        if !same_size {
+        let layers = layer_count(scene);
+        let fits = |paths: &PathFilm| {
+            (paths.width, paths.height) == (width, height)
+                && paths.layers.as_ref().map(LightLayers::count) == layers
+        };
+        if !view.paths.as_ref().is_some_and(fits) {
             view.paths = None;
-            view.paths = Some(self.path_film(width, height)?);
+            view.paths = Some(self.path_film(width, height, layers)?);
         }
         let (Some(paths), Some(buffers)) = (&mut view.paths, &view.buffers) else { return Ok(()) };
         let pixels = u64::from(width) * u64::from(height);
@@ -187,6 +214,9 @@ impl Renderer {
         encoder.clear_buffer(&paths.spreads, 0, None);
         encoder.clear_buffer(&paths.tiles, 0, None);
         self.gpu.queue.submit([encoder.finish()]);
+        if let Some(layers) = &mut paths.layers {
+            layers.begin(scene);
+        }
         paths.strips.fill(0);
         (paths.band, paths.estimate, paths.tiles_kept) = (None, None, None);
         (paths.cut, paths.traced) = (0.0, 0.0);
@@ -194,7 +224,7 @@ impl Renderer {
         Ok(())
     }
 
-    fn path_film(&self, width: u32, height: u32) -> Result<PathFilm, RenderError> {
+    fn path_film(&self, width: u32, height: u32, layers: Option<usize>) -> Result<PathFilm, RenderError> {
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
         let pixels = u64::from(width) * u64::from(height);
         let strips = height.div_ceil(TILE_EDGE);
@@ -203,6 +233,11 @@ impl Renderer {
         let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         let gpu = &self.gpu;
         Ok(PathFilm {
+            layers: match layers {
+                Some(count) => Some(LightLayers::new(gpu, count, [width, height], self.band_rows(width))?),
+                None => None,
+            },
+            unused: [gpu.buffer("no layers", 0, usage)?, gpu.buffer("no layers", 0, usage)?],
             spreads: gpu.buffer("spreads", pixels * FILM_PIXEL_BYTES, usage)?,
             tiles: gpu.buffer("tiles", tiles * TILE_BYTES, usage)?,
             paths: gpu.buffer("paths under way", band_pixels * PATH_BYTES, usage)?,
@@ -271,7 +306,7 @@ impl Renderer {
     }
 
     /// One dispatch of a pipeline with a layout of its own.
-    fn dispatch_with(
+    pub(super) fn dispatch_with(
         &self,
         pipeline: &wgpu::ComputePipeline,
         entries: &[wgpu::BindGroupEntry<'_>],
@@ -313,38 +348,50 @@ impl Renderer {
         };
         let gpu = self.gpu.clone();
         gpu.queue.write_buffer(&buffers.counters, 0, &[0; COUNTER_BUFFER_BYTES as usize]);
-        let bind_group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("path_trace"),
-            layout: &self.path_tracer.bind_group_layout,
-            entries: &[
-                buffer_entry(0, &buffers.frame),
-                texture_entry(1, &tables.points),
-                texture_entry(2, &tables.cells),
-                buffer_entry(3, &tables.materials),
-                buffer_entry(4, &lights.sources),
-                buffer_entry(5, &buffers.film),
-                buffer_entry(6, &buffers.counters),
-                texture_entry(7, &texture.view),
-                wgpu::BindGroupEntry {
-                    binding: 8,
-                    resource: wgpu::BindingResource::Sampler(&self.path_tracer.sampler),
-                },
-                texture_entry(9, majorants),
-                buffer_entry(10, &paths.paths),
-                texture_entry(11, &environment.radiance),
-                texture_entry(12, &environment.draws),
-                buffer_entry(13, &paths.uniform),
-                buffer_entry(14, &paths.spreads),
-                buffer_entry(15, &paths.tiles),
-            ],
-        });
+        let bind_group = |paths: &PathFilm, band: &Band| {
+            let layers = paths.layers.as_ref().and_then(|layers| layers.of_band(band.first_row));
+            let [layers, findings] = layers.unwrap_or(paths.unused.each_ref());
+            gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+                label: Some("path_trace"),
+                layout: &self.path_tracer.bind_group_layout,
+                entries: &[
+                    buffer_entry(0, &buffers.frame),
+                    texture_entry(1, &tables.points),
+                    texture_entry(2, &tables.cells),
+                    buffer_entry(3, &tables.materials),
+                    buffer_entry(4, &lights.sources),
+                    buffer_entry(5, &buffers.film),
+                    buffer_entry(6, &buffers.counters),
+                    texture_entry(7, &texture.view),
+                    wgpu::BindGroupEntry {
+                        binding: 8,
+                        resource: wgpu::BindingResource::Sampler(&self.path_tracer.sampler),
+                    },
+                    texture_entry(9, majorants),
+                    buffer_entry(10, &paths.paths),
+                    texture_entry(11, &environment.radiance),
+                    texture_entry(12, &environment.draws),
+                    buffer_entry(13, &paths.uniform),
+                    buffer_entry(14, &paths.spreads),
+                    buffer_entry(15, &paths.tiles),
+                    buffer_entry(16, layers),
+                    buffer_entry(17, findings),
+                ],
+            })
+        };
+        // Of a band by its first row: each has layers of its own.
+        let mut bound: Option<(u32, wgpu::BindGroup)> = None;
+        self.mix_anew(paths, buffers, scene)?;
         let mut frame = frame_uniform(scene, texture, film);
         let mut uniform = path_uniform(scene);
+        if paths.layers.is_some() {
+            [frame.background, uniform.backdrop] = behind_in_layers(scene);
+        }
         let aim = request.budget.map_or(UNHURRIED_DISPATCH, |b| b.mul_f64(DISPATCH_SHARE_OF_BUDGET));
         let wanted_at_most = request.target.samples_per_pixel;
-        let (most_rays, most_steps) = match gpu.info().software {
-            true => (MOST_RAYS_SOFTWARE, MOST_STEPS_SOFTWARE),
-            false => (MOST_RAYS, MOST_RAYS * STEPS_A_RAY),
+        let (most_rays, most_steps, lanes) = match gpu.info().software {
+            true => (MOST_RAYS_SOFTWARE, MOST_STEPS_SOFTWARE, LANES_SOFTWARE),
+            false => (MOST_RAYS, MOST_RAYS * STEPS_A_RAY, LANES),
         };
         while film.samples < wanted_at_most {
             if paths.estimate.is_some_and(|estimate| good_enough(scene, estimate.relative_error)) {
@@ -355,21 +402,30 @@ impl Renderer {
                 film.samples = paths.strips.iter().copied().min().unwrap_or(0);
                 film.rows = 0;
                 paths.tile_bins = self.read_tiles(paths)?;
+                self.mix_changed(paths, buffers)?;
                 if film.samples >= FEWEST_FOR_ERROR.min(wanted_at_most).max(2) {
-                    let relative_error = self.relative_error(paths, &buffers.film)?;
-                    paths.estimate = Some(PathEstimate { relative_error, cut: 0.0 });
+                    self.estimate(paths, &buffers.film)?;
                 }
                 continue;
             };
             (frame.first_row, frame.row_count) = (band.first_row, band.rows);
-            (uniform.wanted, uniform.fresh) = (band.wanted, u32::from(!band.begun));
-            (uniform.rays, uniform.steps) = (paths.rays, (paths.rays * STEPS_A_RAY).min(most_steps));
+            (uniform.wanted, uniform.fresh) = (band.wanted, u32::from(band.unfinished.is_none()));
+            let rays = paths.rays.saturating_mul(band.patience(paths.width, lanes)).min(most_rays);
+            (uniform.rays, uniform.steps) = (rays, (rays * STEPS_A_RAY).min(most_steps));
             gpu.queue.write_buffer(&buffers.frame, 0, bytemuck::bytes_of(&frame));
             gpu.queue.write_buffer(&paths.uniform, 0, bytemuck::bytes_of(&uniform));
             gpu.queue.write_buffer(&buffers.counters, KEPT_COUNTER_BYTES, &[0; 4]);
             let dispatch_began = Instant::now();
             let groups = [paths.width.div_ceil(TILE_EDGE), band.rows.div_ceil(TILE_EDGE)];
+            let bind_group = match bound.take().filter(|(first_row, _)| *first_row == band.first_row) {
+                Some((_, bind_group)) => bind_group,
+                None => bind_group(paths, &band),
+            };
             gpu.dispatch(&pipeline, &bind_group, groups);
+            bound = Some((band.first_row, bind_group));
+            if let Some(layers) = &mut paths.layers {
+                layers.changed(band.first_row);
+            }
             let counters = gpu.read_buffer(&buffers.counters, COUNTER_BYTES)?;
             let took = dispatch_began.elapsed();
             if took < aim / 2 {
@@ -379,9 +435,9 @@ impl Renderer {
             }
             // Something on the film is not of a whole pass any more.
             film.rows = 1;
-            let unfinished = counters[KEPT_COUNTER_BYTES as usize..].iter().any(|&byte| byte != 0);
-            if unfinished {
-                paths.band = Some(Band { begun: true, ..band });
+            let unfinished = bytemuck::pod_read_unaligned(&counters[KEPT_COUNTER_BYTES as usize..]);
+            if unfinished > 0 {
+                paths.band = Some(Band { unfinished: Some(unfinished), ..band });
             } else {
                 let first = (band.first_row / TILE_EDGE) as usize;
                 let count = band.rows.div_ceil(TILE_EDGE) as usize;
@@ -394,7 +450,7 @@ impl Renderer {
                 break;
             }
         }
-        Ok(())
+        self.mix_changed(paths, buffers)
     }
 
     /// The band at work, or the first that lacks paths of the present pass; `None` at its end.
@@ -409,7 +465,14 @@ impl Renderer {
         let index =
             paths.strips.chunks(strips_of_a_band).position(|strips| strips.iter().any(|&s| s < wanted))?;
         let first_row = index as u32 * rows;
-        Some(Band { first_row, rows: rows.min(paths.height - first_row), wanted, begun: false })
+        Some(Band { first_row, rows: rows.min(paths.height - first_row), wanted, unfinished: None })
+    }
+
+    /// Estimates how well the film is known.
+    pub(super) fn estimate(&self, paths: &mut PathFilm, film: &wgpu::Buffer) -> Result<(), RenderError> {
+        let relative_error = self.relative_error(paths, film)?;
+        paths.estimate = Some(PathEstimate { relative_error, cut: paths.cut / paths.traced.max(1.0) });
+        Ok(())
     }
 
     /// Relative standard error of the film.
@@ -431,7 +494,8 @@ impl Renderer {
         Ok(if squared_mean > 0.0 { (variance / squared_mean).sqrt() } else { 0.0 })
     }
 
-    /// Standard error of each value of [`Renderer::radiance`], of a path-traced film.
+    /// Standard error of each value of [`Renderer::radiance`], of a path-traced film. With light
+    /// layers it is that of one degree of freedom: the difference of two halves of the paths.
     ///
     /// # Errors
     /// GPU errors; a view whose film is not path-traced.

@@ -305,7 +305,7 @@ impl Drop for RenderThread {
 /// A failure of the renderer as an answer to a request.
 pub fn render_fault(error: RenderError) -> Fault {
     match error {
-        RenderError::NotBuilt(field) => field.into(),
+        RenderError::Refused(field) => field.into(),
         RenderError::TooLarge { .. } => Fault::invalid("", error.to_string()),
         RenderError::OutOfMemory { .. } => Fault::busy(error.to_string()),
         _ => Fault::internal("drawing", &error),

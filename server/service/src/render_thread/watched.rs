@@ -286,7 +286,7 @@ impl Watched {
                         && film.viewport == viewport
                         && matches!(
                             self.plan_on_film(film, &self.input.snapshot).film,
-                            FilmPlan::Keep | FilmPlan::Refine
+                            FilmPlan::Keep | FilmPlan::Refine | FilmPlan::Mix
                         )
                 });
                 let fresh = Target { width, height, samples_per_pixel: 1 };

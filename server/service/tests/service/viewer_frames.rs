@@ -229,6 +229,47 @@ async fn tone_mapping_alone_casts_no_ray() {
 }
 
 #[tokio::test]
+async fn a_light_in_layers_is_recoloured_at_full_size_without_a_path() {
+    let service = Service::new();
+    let session = service.session().await;
+    let listening = service.listen().await;
+    let mut viewer = listening.viewer(&session.id).await;
+    viewer.viewport(1, 64, 48).await;
+    viewer.frames_until_final().await;
+    let lights = |power: f64| {
+        json!([{"id": "sun", "type": "directional", "direction": [-0.3, -1, -0.4],
+            "irradiance": [power, power, power]}])
+    };
+    let layered = json!({"method": "path_traced", "paths_per_pixel": 2, "light_layers": true});
+    viewer.patch(2, json!({"illumination": layered, "lights": lights(1.0)})).await;
+    let before = loop {
+        let frame = viewer.frames_until_final().await.pop().unwrap();
+        if frame.header.seq == 2 {
+            break frame;
+        }
+    };
+    viewer.message_of(|message| matches!(message, ServerMessage::Report { .. }).then_some(())).await;
+    viewer.patch(3, json!({"lights": lights(4.0)})).await;
+    let (mut after, mut mixes) = (None, 0);
+    while after.is_none() || mixes == 0 {
+        match viewer.event().await {
+            Event::Frame(frame) => {
+                assert_eq!((frame.header.width, frame.header.height), (64, 48), "the layers were there");
+                after = frame.is_final().then_some(frame).or(after);
+            }
+            Event::Message(ServerMessage::Report { report, .. }) if report.changes.len() == 1 => {
+                let mixed = report.plan.iter().find(|pass| pass.pass == "mix_lights").unwrap();
+                assert_eq!(mixed.reason, "mixed anew: light `sun` recoloured");
+                assert_eq!(report.counters["paths"], 0);
+                mixes += 1;
+            }
+            _ => {}
+        }
+    }
+    assert_ne!(after.unwrap().pixels(), before.pixels());
+}
+
+#[tokio::test]
 async fn another_size_is_another_picture() {
     let service = Service::new();
     let session = service.session().await;
