@@ -72,6 +72,8 @@ pub fn typescript() -> String {
         rest::DeviceInfo,
         rest::Status,
         rest::Dataset,
+        rest::UploadState,
+        rest::Upload,
         rest::ShownVolume,
         rest::Histogram,
         rest::RegionHistogram,

@@ -16,6 +16,7 @@ use tokio_util::sync::CancellationToken;
 
 use crate::config::Config;
 use crate::datasets::samples::Samples;
+use crate::datasets::uploads::{self, Uploads};
 use crate::datasets::volumes::{Key, Volumes};
 use crate::datasets::{Catalog, describe};
 use crate::problem::{Answer, Fault, as_problems};
@@ -33,12 +34,13 @@ pub struct App {
     catalog: Arc<Catalog>,
     samples: Arc<Samples>,
     volumes: Arc<Volumes>,
+    resumable: Uploads,
     sessions: Sessions,
     renderer: RenderThread,
     closing: CancellationToken,
     /// Permits for what is bounded by `limits`.
     pub(crate) viewers: Arc<Semaphore>,
-    pub(crate) uploads: Semaphore,
+    pub(crate) receiving: Arc<Semaphore>,
     pub(crate) requests: Semaphore,
     pub(crate) encodes: Semaphore,
     /// One thumbnail is drawn at a time; the others wait for it and find it on disk.
@@ -56,9 +58,9 @@ impl App {
     /// The data directory cannot be used, or the device refuses.
     pub fn open(config: Config, gpu: Arc<Gpu>) -> Result<Arc<Self>, ServeError> {
         let limits = &config.limits;
-        let catalog = Catalog::open(&config.data, limits)
-            .map_err(|source| ServeError::Data { path: config.data.clone(), source })?;
-        let catalog = Arc::new(catalog);
+        let unusable = |source| ServeError::Data { path: config.data.clone(), source };
+        let catalog = Arc::new(Catalog::open(&config.data, limits).map_err(unusable)?);
+        let resumable = Uploads::open(&catalog, &config).map_err(unusable)?;
         let samples = Arc::new(Samples::new(catalog.storage().clone(), limits));
         let volumes = Arc::new(Volumes::new(catalog.clone(), samples.clone(), limits));
         let processors = std::thread::available_parallelism().map_or(1, usize::from);
@@ -66,7 +68,7 @@ impl App {
             renderer: RenderThread::start(gpu, limits.max_waiting_stills)?,
             sessions: Sessions::new(limits.max_sessions, Duration::from_secs(config.session_idle_seconds)),
             viewers: Arc::new(Semaphore::new(limits.max_viewers)),
-            uploads: Semaphore::new(limits.max_uploads),
+            receiving: Arc::new(Semaphore::new(limits.max_uploads)),
             requests: Semaphore::new(limits.max_requests),
             encodes: Semaphore::new(processors * ENCODES_PER_PROCESSOR),
             thumbnails: Semaphore::new(1),
@@ -76,6 +78,7 @@ impl App {
             catalog,
             samples,
             volumes,
+            resumable,
             config,
         }))
     }
@@ -98,6 +101,11 @@ impl App {
     /// Volumes in memory.
     pub fn volumes(&self) -> &Arc<Volumes> {
         &self.volumes
+    }
+
+    /// Resumable uploads.
+    pub fn resumable(&self) -> &Uploads {
+        &self.resumable
     }
 
     /// Open sessions.
@@ -176,7 +184,8 @@ pub fn app(state: Arc<App>) -> Router {
         .layer(from_fn_with_state(state.clone(), http::admit))
         // Each handler bounds its own body.
         .layer(DefaultBodyLimit::disable())
-        .layer(http::cors(state.config()));
+        .layer(http::cors(state.config()))
+        .layer(from_fn_with_state(state.clone(), uploads::speak));
     Router::new()
         .nest("/api/v1", api)
         .fallback(web::page)

@@ -28,6 +28,7 @@ use crate::{datasets, sessions, viewer};
     tags(
         (name = "service", description = "The service itself"),
         (name = "datasets", description = "Volumes that can be explored"),
+        (name = "uploads", description = "Uploads that go on after a break (tus 1.0.0)"),
         (name = "sessions", description = "Scenes being explored"),
     )
 )]
@@ -42,6 +43,14 @@ pub fn api() -> OpenApiRouter<Arc<App>> {
         .routes(routes!(datasets::routes::histogram))
         .routes(routes!(datasets::routes::thumbnail))
         .routes(routes!(datasets::routes::scene))
+        .routes(routes!(datasets::uploads::routes::create))
+        .routes(routes!(
+            datasets::uploads::routes::head,
+            datasets::uploads::routes::get,
+            datasets::uploads::routes::patch,
+            datasets::uploads::routes::post,
+            datasets::uploads::routes::delete
+        ))
         .routes(routes!(sessions::routes::list, sessions::routes::create))
         .routes(routes!(sessions::routes::get, sessions::routes::delete))
         .routes(routes!(

@@ -9,6 +9,8 @@ mod parts;
 mod security;
 mod sessions;
 mod support;
+mod tus;
+mod tus_refusals;
 mod uploads;
 mod viewer_edits;
 mod viewer_frames;
