@@ -14,13 +14,11 @@ const UPLOAD_MILLIS = 20_000;
 /** A link on which the large file takes half a minute, bytes per second. */
 const SLOW_LINK = 300_000;
 
-/** Limits what the page may send, without a limit for 0. */
-async function slowLink(visitor, bytesPerSecond) {
+/** A link whose upload speed can be set, bytes per second; -1 is no limit. Holds across reloads. */
+async function linkOf(visitor) {
   const link = await visitor.context.newCDPSession(visitor.page);
   await link.send("Network.enable");
-  await link.send("Network.emulateNetworkConditions", {
-    offline: false, latency: 0, downloadThroughput: -1, uploadThroughput: bytesPerSecond || -1,
-  });
+  return (uploadThroughput) => link.send("Network.emulateNetworkConditions", { offline: false, latency: 0, downloadThroughput: -1, uploadThroughput });
 }
 
 const file = (name, buffer) => ({ name, mimeType: "application/octet-stream", buffer });
@@ -91,7 +89,8 @@ export function uploadSteps() {
       });
       const percent = async (tile) => Number.parseInt(await tile.getByTestId("upload-progress").innerText(), 10);
       const beyond = (tile, share) => until(`${share} % are sent`, UPLOAD_MILLIS, async () => (await percent(tile)) > share);
-      await slowLink(visitor, SLOW_LINK);
+      const limit = await linkOf(visitor);
+      await limit(SLOW_LINK);
       await visitor.at("upload-input").setInputFiles(path);
       const tile = await tileOf(visitor, "slow.nrrd", "sending");
       await beyond(tile, 3);
@@ -112,7 +111,6 @@ export function uploadSteps() {
       assert.ok((await percent(left)) >= paused, "what was sent is kept");
       assert.match(await left.getByTestId("upload-left").innerText(), /same file again/);
       await visitor.page.screenshot({ path: artifact("upload-left.png") });
-      await slowLink(visitor, SLOW_LINK);
       const kept = await percent(left);
       await left.getByTestId("upload-again-input").setInputFiles(path);
       await tileOf(visitor, "slow.nrrd", "sending");
@@ -123,7 +121,7 @@ export function uploadSteps() {
       await until("the page notices", UPLOAD_MILLIS, async () => (await visitor.at("upload-waiting").count()) === 1);
       await visitor.page.screenshot({ path: artifact("upload-waiting.png") });
       await world.server.start();
-      await slowLink(visitor, 0);
+      await limit(-1);
       const done = await tileOf(visitor, "slow.nrrd", "done");
       assert.match(await done.getByTestId("dataset-facts").innerText(), /128 × 128 × 256/);
       assert.ok(patches.slice(1).every((offset) => offset > 0), `nothing was sent twice: ${patches}`);
@@ -138,7 +136,7 @@ export function uploadSteps() {
 
   step("upload: a cancelled one leaves nothing at the service", async (arrive) => {
     const visitor = await arrive();
-    await slowLink(visitor, SLOW_LINK);
+    await (await linkOf(visitor))(SLOW_LINK);
     const begun = visitor.page.waitForResponse((answer) => answer.request().method() === "POST" && answer.url().endsWith("/uploads"));
     await visitor.at("upload-input").setInputFiles(file("unwanted.nrrd", largeNrrd()));
     const { location } = (await begun).headers();

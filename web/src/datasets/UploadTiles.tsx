@@ -64,7 +64,7 @@ function TileBody({ tile }: { tile: UploadTile }) {
     case "paused":
       return (
         <>
-          <Bar {...state.progress} resting />
+          <Bar {...state.progress} />
           <div className="tile-line">
             <span className="dim">Paused; what was sent is kept.</span>
             <Actions>
@@ -77,7 +77,7 @@ function TileBody({ tile }: { tile: UploadTile }) {
     case "left":
       return (
         <>
-          <Bar sent={state.sent} total={state.total} resting />
+          <Bar sent={state.sent} total={state.total} />
           <p className="hint" data-testid="upload-left">The page was loaded anew and cannot reach your file any more. Choose or drop the same file again: it goes on from here.</p>
           <div className="tile-actions">
             <FileButton multiple inputProps={againInput} onChange={(files) => void takeFiles(files).catch(sayError)}>
@@ -119,11 +119,11 @@ function TileBody({ tile }: { tile: UploadTile }) {
 }
 
 /** How much is at the service. */
-function Bar({ sent, total, resting = false }: Pick<Amount, "sent" | "total"> & { resting?: boolean }) {
+function Bar({ sent, total }: Pick<Amount, "sent" | "total">) {
   const percent = total > 0 ? (sent / total) * 100 : 0;
   return (
     <>
-      <Progress value={percent} size={3} aria-label="Upload" {...(resting ? { color: "gray" } : {})} />
+      <Progress value={percent} size={3} aria-label="Upload" />
       <div className="tile-line">
         <span className="number" data-testid="upload-progress">{Math.floor(percent)} %</span>
         <span className="number dim">{formatBytes(sent)} of {formatBytes(total)}</span>

@@ -140,7 +140,7 @@ export async function cancelUpload(tile: UploadTile): Promise<void> {
 /** Shows the uploads that a reload interrupted. */
 export async function showLeftovers(): Promise<void> {
   for (const leftover of await findLeftovers()) {
-    const known = useDatasets.getState().uploads.some((tile) => tile.leftover?.url === leftover.url || tile.transfer?.url === leftover.url);
+    const known = useDatasets.getState().uploads.some((tile) => [tile.leftover?.fingerprint, tile.transfer?.fingerprint].includes(leftover.fingerprint));
     if (known) continue;
     const id = (lastUpload += 1);
     const { name, upload: { state, offset, length } } = leftover;
@@ -167,19 +167,20 @@ async function send(id: number, name: string, files: readonly File[]): Promise<v
     update(id, { state: { kind: "failed", message: `The upload has ${formatBytes(total)}; this service takes at most ${formatBytes(most)}.`, kept: false } });
     return;
   }
-  const transfer: Transfer = new Transfer(name, files, (state) => {
+  const transfer = new Transfer(name, files, (state) => {
     update(id, { state });
-    if (state.kind === "sending") takeOver(id, transfer);
     if (state.kind === "done") void refreshDatasets();
   });
   update(id, { transfer });
-  await transfer.start();
+  await transfer.start(takeOver(transfer));
 }
 
-/** The tile of an upload that goes on takes the place of the one that a reload left. */
-function takeOver(id: number, { url }: Transfer): void {
-  const isOld = (tile: UploadTile) => tile.id !== id && tile.leftover !== undefined && tile.leftover.url === url;
-  if (useDatasets.getState().uploads.some(isOld)) set(({ uploads }) => ({ uploads: uploads.filter((tile) => !isOld(tile)) }));
+/** An upload that goes on takes the place of the tile that a reload left; returns what that one says is sent. */
+function takeOver({ fingerprint }: Transfer): number {
+  const isOld = (tile: UploadTile) => tile.leftover?.fingerprint === fingerprint;
+  const old = useDatasets.getState().uploads.find(isOld);
+  if (old) set(({ uploads }) => ({ uploads: uploads.filter((tile) => !isOld(tile)) }));
+  return old?.state.kind === "left" ? old.state.sent : 0;
 }
 
 function update(id: number, change: Partial<UploadTile>): void {

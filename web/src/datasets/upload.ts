@@ -55,11 +55,12 @@ export class Transfer {
   private progress: Progress;
   private speed = new SpeedMeter();
   private cancelled = false;
-  private readonly print: string;
+  /** Of its files. */
+  readonly fingerprint: string;
 
   /** Nothing is sent before `start`. `name` is for people. */
   constructor(private readonly name: string, private readonly files: readonly File[], private readonly show: (state: TransferState) => void) {
-    this.print = fingerprint(files);
+    this.fingerprint = fingerprint(files);
     this.progress = { sent: 0, total: files.reduce((sum, file) => sum + file.size, 0), bytesPerSecond: 0 };
   }
 
@@ -68,10 +69,11 @@ export class Transfer {
     return this.tus?.url ?? null;
   }
 
-  /** Begins, or goes on where an earlier upload of the same files ended. */
-  async start(): Promise<void> {
+  /** Begins, or goes on where an earlier upload of the same files ended; `sent` is what is known of that one. */
+  async start(sent = 0): Promise<void> {
+    this.progress = { ...this.progress, sent };
     this.showSending(false);
-    const [previous] = await storage.findUploadsByFingerprint(this.print);
+    const [previous] = await storage.findUploadsByFingerprint(this.fingerprint);
     if (this.cancelled) return;
     const [only, second] = this.files;
     const boundary = second === undefined ? null : boundaryOf(previous?.metadata.filetype) ?? randomBoundary();
@@ -80,7 +82,7 @@ export class Transfer {
     this.tus = new TusUpload(body, {
       endpoint: uploadsUrl,
       metadata: { filename: this.name, ...(boundary === null ? {} : { filetype: formType(boundary) }) },
-      fingerprint: () => Promise.resolve(this.print),
+      fingerprint: () => Promise.resolve(this.fingerprint),
       chunkSize: CHUNK_BYTES,
       uploadDataDuringCreation: body.size <= SMALL_BYTES,
       retryDelays: RETRY_MILLIS,
@@ -139,12 +141,13 @@ export class Transfer {
   }
 
   private async forget(): Promise<void> {
-    await forgetAll(await storage.findUploadsByFingerprint(this.print));
+    await forgetAll(await storage.findUploadsByFingerprint(this.fingerprint));
   }
 }
 
-const forgetAll = (uploads: readonly PreviousUpload[]): Promise<void[]> =>
-  Promise.all(uploads.map((upload) => storage.removeUpload(upload.urlStorageKey)));
+async function forgetAll(uploads: readonly PreviousUpload[]): Promise<void> {
+  for (const upload of uploads) await storage.removeUpload(upload.urlStorageKey);
+}
 
 const statusOf = (error: unknown): number => (error instanceof DetailedError ? error.originalResponse?.getStatus() ?? 0 : 0);
 
@@ -194,6 +197,8 @@ export async function outcomeOf(url: string): Promise<TransferState> {
 /** An upload that this browser began before the page was loaded. */
 export interface Leftover {
   url: string;
+  /** Of its files. */
+  fingerprint: string;
   name: string;
   upload: Upload;
   /** No tile is needed for it again. */
@@ -206,9 +211,10 @@ export async function findLeftovers(): Promise<Leftover[]> {
   for (const previous of await storage.findAllUploads()) {
     const url = previous.uploadUrl;
     if (!url?.includes(uploadsUrl)) continue;
-    const forget = async () => void (await forgetAll([previous]));
+    const forget = () => forgetAll([previous]);
     try {
-      found.push({ url, name: previous.metadata.filename ?? "Upload", upload: await getUpload(url), forget });
+      // The storage's keys are `tus::FINGERPRINT::NUMBER`.
+      found.push({ url, fingerprint: previous.urlStorageKey.split("::")[1] ?? "", name: previous.metadata.filename ?? "Upload", upload: await getUpload(url), forget });
     } catch (error) {
       if (error instanceof ProblemError && (error.status === 404 || error.status === 410)) await forget();
     }

@@ -2,8 +2,8 @@
 //! termination (<https://tus.io/protocols/resumable-upload>), below `/api/v1/uploads`.
 //!
 //! **What is acknowledged is safe.** Bytes count from when they were synced and the record ([`record`])
-//! that says so was, too: at the end of each request, however it ends, and every [`SYNC_BYTES`]
-//! between. A start cuts the data to what the record says, so a client is never told more than was
+//! that says so was, too: at the end of each request, however it ends, and between every
+//! [`SYNC_BYTES`] or [`SYNC_INTERVAL`], so that a crash costs a client little. A start cuts the data to what the record says, so a client is never told more than was
 //! synced, and bytes whose checksum nobody has looked at are not kept.
 //!
 //! **One writer.** A connection may be dead long before anybody notices. So whoever asks for an
@@ -40,6 +40,8 @@ use record::{Outcome, Place, Record};
 
 /// Bytes after which an upload under way is synced.
 const SYNC_BYTES: u64 = 16 << 20;
+/// Time after which it is, on a slow link.
+const SYNC_INTERVAL: Duration = Duration::from_secs(2);
 /// Random bytes of an identifier: whoever knows it may use the upload.
 const ID_BYTES: usize = 16;
 /// Longest wait for a request to let go of its upload.

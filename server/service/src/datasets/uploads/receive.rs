@@ -8,7 +8,7 @@ use tokio::fs::File;
 use tokio::io::{AsyncSeekExt, AsyncWriteExt};
 
 use super::protocol::Checksum;
-use super::{SYNC_BYTES, Turn, Upload};
+use super::{SYNC_BYTES, SYNC_INTERVAL, Turn, Upload};
 use crate::App;
 use crate::datasets::receive::{WRITE_BYTES, check_pace, next_piece};
 use crate::problem::{Answer, Fault};
@@ -23,6 +23,8 @@ struct Tail {
     received: u64,
     /// What the record says.
     durable: u64,
+    /// When it last changed.
+    kept: Instant,
 }
 
 /// Appends a body to an upload. Without a checksum whatever arrived is kept, also when the body breaks
@@ -67,7 +69,7 @@ impl Tail {
         let offset = upload.record().offset;
         let mut file = File::options().write(true).open(&upload.place.data).await.map_err(disk_failed)?;
         file.seek(std::io::SeekFrom::Start(offset)).await.map_err(disk_failed)?;
-        Ok(Self { upload, file, buffer: Vec::new(), received: offset, durable: offset })
+        Ok(Self { upload, file, buffer: Vec::new(), received: offset, durable: offset, kept: Instant::now() })
     }
 
     /// Takes a body piece by piece.
@@ -105,7 +107,8 @@ impl Tail {
             if self.buffer.len() >= WRITE_BYTES {
                 self.write().await?;
             }
-            if checksum.is_none() && self.received - self.durable >= SYNC_BYTES {
+            let due = self.received - self.durable >= SYNC_BYTES || self.kept.elapsed() >= SYNC_INTERVAL;
+            if checksum.is_none() && due {
                 self.keep().await?;
             }
         }
@@ -133,6 +136,7 @@ impl Tail {
             })
             .await?;
         self.durable = offset;
+        self.kept = Instant::now();
         Ok(())
     }
 }
