@@ -51,7 +51,7 @@ function TileBody({ tile }: { tile: UploadTile }) {
           <Bar {...state.progress} />
           <div className="tile-line">
             {state.waiting
-              ? <span className="dim" role="status" data-testid="upload-waiting">The connection broke; trying again …</span>
+              ? <span className="dim" role="status" title="The connection broke; what was sent is kept" data-testid="upload-waiting">Reconnecting …</span>
               : <span className="number dim">{formatBytes(bytesPerSecond)}/s{bytesPerSecond > 0 && `, ${timeLeft(total - sent, bytesPerSecond)}`}</span>}
             <Actions>
               <button type="button" className="text-button" onClick={() => tile.transfer?.pause()} data-testid="upload-pause">Pause</button>
@@ -66,7 +66,7 @@ function TileBody({ tile }: { tile: UploadTile }) {
         <>
           <Bar {...state.progress} />
           <div className="tile-line">
-            <span className="dim">Paused; what was sent is kept.</span>
+            <span className="dim" title="What was sent is kept, also when the page is closed">Paused and kept</span>
             <Actions>
               <button type="button" className="text-button" onClick={() => tile.transfer?.goOn()} data-testid="upload-resume">Go on</button>
               <Cancel tile={tile} />

@@ -11,6 +11,7 @@ import { useSession } from "../session/store";
 import { wordsOf } from "../session/words";
 import { formatBytes } from "./format";
 import { groupFiles, sidecarName, type Group, type RawLayout } from "./grouping";
+import { fingerprint } from "./resumable";
 import { stacksApart } from "./stacks";
 import { discard, endOf, findLeftovers, outcomeOf, Transfer, type Leftover, type TransferState } from "./upload";
 
@@ -165,6 +166,13 @@ async function send(id: number, name: string, files: readonly File[]): Promise<v
   const most = useSession.getState().status?.max_upload_bytes;
   if (most !== undefined && total > most) {
     update(id, { state: { kind: "failed", message: `The upload has ${formatBytes(total)}; this service takes at most ${formatBytes(most)}.`, kept: false } });
+    return;
+  }
+  const same = useDatasets.getState().uploads.find((tile) => tile.id !== id && tile.transfer?.fingerprint === fingerprint(files) && ["sending", "paused"].includes(tile.state.kind));
+  if (same) {
+    // Dropped a second time: it is under way already.
+    dismissUpload(id);
+    if (same.state.kind === "paused") same.transfer?.goOn();
     return;
   }
   const transfer = new Transfer(name, files, (state) => {

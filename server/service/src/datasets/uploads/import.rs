@@ -20,10 +20,14 @@ const MAX_ATTEMPTS: u32 = 5;
 /// Begins the media type of a form.
 const FORM: &str = "multipart/form-data";
 
-/// Reads a complete upload in the background and records what came of it. Returns at once.
+/// Reads a complete upload in the background and records what came of it; leaves one that has ended
+/// alone. Returns at once.
 pub fn start(app: Arc<App>, upload: Arc<Upload>, turn: Turn) {
     {
         let mut state = upload.state.lock();
+        if state.record.outcome.is_some() {
+            return;
+        }
         state.reading = true;
         state.failure = None;
     }

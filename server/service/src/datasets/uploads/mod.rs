@@ -295,19 +295,28 @@ impl Upload {
         Ok(())
     }
 
-    /// Records how the upload ended, then removes its bytes. For who holds the turn.
+    /// Records how the upload ended, and removes its bytes. For who holds the turn. Clients are told
+    /// when all of that is done.
     async fn end(&self, outcome: Outcome) -> Answer<()> {
-        self.persist(|record| {
-            record.outcome = Some(outcome);
-            record.metadata.clear();
-            record.touched_unix_millis = crate::unix_millis();
-        })
-        .await?;
-        self.state.lock().room = None;
-        let place = self.place.clone();
-        crate::blocking("removing an upload", move || place.remove_data())
+        let mut record = self.record();
+        record.outcome = Some(outcome);
+        record.metadata.clear();
+        record.touched_unix_millis = crate::unix_millis();
+        let (place, written) = (self.place.clone(), record.clone());
+        let ending = move || {
+            place.write(&written)?;
+            if let Err(error) = place.remove_data() {
+                tracing::error!(%error, "the bytes of an ended upload stay until the next start");
+            }
+            Ok(())
+        };
+        crate::blocking("recording an upload", ending)
             .await?
-            .map_err(|error| Fault::internal("removing an upload", &error))
+            .map_err(|error| Fault::disk("recording an upload", &error))?;
+        let mut state = self.state.lock();
+        state.record = record;
+        state.room = None;
+        Ok(())
     }
 
     /// What a client is told.

@@ -145,13 +145,11 @@ pub async fn patch(
         }
     };
     // Nothing can be added to what is being read or has ended.
-    let closed = upload.state.lock().reading || upload.record().outcome.is_some();
-    if !closed {
-        let turn = upload.turn().await?;
-        fits(&upload)?;
+    let closed = || upload.state.lock().reading || upload.record().outcome.is_some();
+    let turn = if closed() { None } else { Some(upload.turn().await?) };
+    fits(&upload)?;
+    if let Some(turn) = turn.filter(|_| !closed()) {
         take(app.clone(), upload.clone(), turn, checksum, body, false).await?;
-    } else {
-        fits(&upload)?;
     }
     Ok((StatusCode::NO_CONTENT, progress(&app, &upload)).into_response())
 }
