@@ -115,6 +115,43 @@ pub struct Environment {
     pub notices: Vec<String>,
 }
 
+/// How far a resumable upload has come.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, TS, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum UploadState {
+    /// Bytes are missing.
+    Receiving,
+    /// Every byte is there, and the service reads them.
+    Reading,
+    /// There is a dataset.
+    Stored,
+    /// No dataset will come of it; `problem` says why. The bytes are gone.
+    Refused,
+    /// Reading failed for a reason that may pass; `problem` says why. The bytes are kept: a `PATCH`
+    /// without a body makes the service read them again, and so does its next start.
+    Failed,
+}
+
+/// `GET /api/v1/uploads/{id}`: a resumable upload.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, TS, ToSchema)]
+#[ts(optional_fields)]
+pub struct Upload {
+    /// How far it has come.
+    pub state: UploadState,
+    /// Bytes of the whole upload.
+    #[ts(type = "number")]
+    pub length: u64,
+    /// Bytes that are safe at the service.
+    #[ts(type = "number")]
+    pub offset: u64,
+    /// What came of it; absent, too, if it was deleted meanwhile.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dataset: Option<Dataset>,
+    /// Why there is no dataset.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub problem: Option<Problem>,
+}
+
 /// What is shown of a volume, where that is not the whole of it at full resolution.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, TS, ToSchema)]
 #[ts(optional_fields)]

@@ -73,6 +73,8 @@ pub fn typescript() -> String {
         rest::Status,
         rest::Dataset,
         rest::Environment,
+        rest::UploadState,
+        rest::Upload,
         rest::ShownVolume,
         rest::Histogram,
         rest::RegionHistogram,

@@ -16,6 +16,7 @@ use tokio_util::sync::CancellationToken;
 
 use crate::config::Config;
 use crate::datasets::samples::Samples;
+use crate::datasets::uploads::{self, Uploads};
 use crate::datasets::volumes::{Key, Volumes};
 use crate::datasets::{Catalog, describe};
 use crate::environments::Environments;
@@ -36,13 +37,14 @@ pub struct App {
     samples: Arc<Samples>,
     volumes: Arc<Volumes>,
     environments: Environments,
+    resumable: Uploads,
     sessions: Sessions,
     renderer: RenderThread,
     metrics: Metrics,
     closing: CancellationToken,
     /// Permits for what is bounded by `limits`.
     pub(crate) viewers: Arc<Semaphore>,
-    pub(crate) uploads: Semaphore,
+    pub(crate) receiving: Arc<Semaphore>,
     pub(crate) requests: Semaphore,
     pub(crate) encodes: Semaphore,
     /// One thumbnail is drawn at a time; the others wait for it and find it on disk.
@@ -60,13 +62,13 @@ impl App {
     /// The data directory cannot be used, or the device refuses.
     pub fn open(config: Config, gpu: Arc<Gpu>) -> Result<Arc<Self>, ServeError> {
         let limits = &config.limits;
-        let catalog = Catalog::open(&config.data, limits).map_err(|source| in_data(&config, source))?;
-        let catalog = Arc::new(catalog);
+        let unusable = |source| ServeError::Data { path: config.data.clone(), source };
+        let catalog = Arc::new(Catalog::open(&config.data, limits).map_err(unusable)?);
+        let resumable = Uploads::open(&catalog, &config).map_err(unusable)?;
         let samples = Arc::new(Samples::new(catalog.storage().clone(), limits));
         let volumes = Arc::new(Volumes::new(catalog.clone(), samples.clone(), limits));
-        let environments = Environments::open(config.data.join("environments"), limits)
-            .map_err(|source| in_data(&config, source))?;
-        let sessions = Sessions::open(&config).map_err(|source| in_data(&config, source))?;
+        let environments = Environments::open(config.data.join("environments"), limits).map_err(unusable)?;
+        let sessions = Sessions::open(&config).map_err(unusable)?;
         let renderer = RenderThread::start(gpu, limits.max_waiting_stills, limits.max_gpu_bytes)?;
         let processors = std::thread::available_parallelism().map_or(1, usize::from);
         Ok(Arc::new(Self {
@@ -75,7 +77,7 @@ impl App {
             environments,
             sessions,
             viewers: Arc::new(Semaphore::new(limits.max_viewers)),
-            uploads: Semaphore::new(limits.max_uploads),
+            receiving: Arc::new(Semaphore::new(limits.max_uploads)),
             requests: Semaphore::new(limits.max_requests),
             encodes: Semaphore::new(processors * ENCODES_PER_PROCESSOR),
             thumbnails: Semaphore::new(1),
@@ -85,6 +87,7 @@ impl App {
             catalog,
             samples,
             volumes,
+            resumable,
             config,
         }))
     }
@@ -107,6 +110,11 @@ impl App {
     /// Volumes in memory.
     pub fn volumes(&self) -> &Arc<Volumes> {
         &self.volumes
+    }
+
+    /// Resumable uploads.
+    pub fn resumable(&self) -> &Uploads {
+        &self.resumable
     }
 
     /// Light from all directions.
@@ -173,10 +181,6 @@ impl App {
     }
 }
 
-fn in_data(config: &Config, source: std::io::Error) -> ServeError {
-    ServeError::Data { path: config.data.clone(), source }
-}
-
 /// Why a volume cannot be put on the GPU.
 enum Unfit {
     /// No memory for a part of it.
@@ -199,7 +203,8 @@ pub fn app(state: Arc<App>) -> Router {
         .layer(from_fn_with_state(state.clone(), http::admit))
         // Each handler bounds its own body.
         .layer(DefaultBodyLimit::disable())
-        .layer(http::cors(state.config()));
+        .layer(http::cors(state.config()))
+        .layer(from_fn_with_state(state.clone(), uploads::speak));
     Router::new()
         .nest("/api/v1", api)
         .route("/metrics", get(metrics::metrics))

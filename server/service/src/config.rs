@@ -36,6 +36,9 @@ pub struct Config {
     pub session_keep_days: u64,
     /// A viewer whose connection was lost finds its picture again within this time, seconds.
     pub viewer_keep_seconds: u64,
+    /// A resumable upload that receives nothing is removed after this time, and so is what is known
+    /// of one that ended, seconds.
+    pub upload_idle_seconds: u64,
     /// Longest wait for viewers and requests when the service stops, seconds.
     pub shutdown_seconds: u64,
     /// What one service instance takes on.
@@ -52,6 +55,11 @@ pub struct Limits {
     pub max_upload_files: usize,
     /// Most uploads being received or read at once; the others get 503.
     pub max_uploads: usize,
+    /// Most resumable uploads that are not finished; beyond it 503.
+    pub max_unfinished_uploads: usize,
+    /// Most bytes of all resumable uploads that are not finished, as long as they will be; beyond it
+    /// 507. They count as stored bytes, too.
+    pub max_unfinished_bytes: u64,
     /// Largest JSON body, bytes.
     pub max_json_bytes: usize,
     /// Most stored datasets.
@@ -103,6 +111,7 @@ impl Default for Config {
             session_idle_seconds: 30 * 60,
             session_keep_days: 30,
             viewer_keep_seconds: 120,
+            upload_idle_seconds: 24 * 60 * 60,
             shutdown_seconds: 5,
             limits: Limits::default(),
         }
@@ -115,6 +124,8 @@ impl Default for Limits {
             max_upload_bytes: 2 << 30,
             max_upload_files: 4096,
             max_uploads: 4,
+            max_unfinished_uploads: 64,
+            max_unfinished_bytes: 16 << 30,
             max_json_bytes: 1 << 20,
             max_datasets: 1000,
             max_environments: 200,
@@ -242,6 +253,9 @@ impl Config {
                 return wrong(setting, format!("must be from 1 to {MAX_COUNT}"));
             }
         }
+        if !(1..=MAX_IDLE_SECONDS).contains(&self.upload_idle_seconds) {
+            return wrong("upload_idle_seconds", format!("must be from 1 to {MAX_IDLE_SECONDS}"));
+        }
         if limits.max_viewers > MAX_COUNT {
             return wrong("limits.max_viewers", format!("must be at most {MAX_COUNT}"));
         }
@@ -249,6 +263,8 @@ impl Config {
     }
 }
 
+/// Longest life of an unfinished upload, seconds: a year.
+const MAX_IDLE_SECONDS: u64 = 365 * 24 * 60 * 60;
 /// Largest count of anything that runs at once.
 const MAX_COUNT: usize = 65_536;
 
@@ -374,6 +390,7 @@ mod tests {
             ("", vec![("listen", "nowhere")], "listen"),
             ("", vec![("allowed_origins", "example.org")], "allowed_origins"),
             ("", vec![("limits.max_uploads", "0")], "limits.max_uploads"),
+            ("", vec![("upload_idle_seconds", "0")], "upload_idle_seconds"),
             ("listen = ", vec![], "not TOML"),
         ] {
             let error = load(toml, &[], &flags).unwrap_err();

@@ -15,6 +15,7 @@ use tracing::Instrument;
 use crate::App;
 use crate::config::Config;
 use crate::datasets::storage::random_hex;
+use crate::datasets::uploads;
 use crate::problem::Fault;
 
 /// Carries the request's id in the answer; the log's lines carry it too.
@@ -60,11 +61,15 @@ pub async fn admit(State(app): State<Arc<App>>, request: Request, next: Next) ->
 /// What pages of listed origins may read and send.
 pub fn cors(config: &Config) -> CorsLayer {
     let origins = config.allowed_origins.iter().filter_map(|origin| origin.parse().ok());
+    let exposed: Vec<_> = [REQUEST_ID, header::LOCATION, header::RETRY_AFTER]
+        .into_iter()
+        .chain(uploads::RESPONSE_HEADERS)
+        .collect();
     CorsLayer::new()
         .allow_origin(AllowOrigin::list(origins))
-        .allow_methods([Method::GET, Method::POST, Method::PUT, Method::PATCH, Method::DELETE])
-        .allow_headers([header::CONTENT_TYPE])
-        .expose_headers([REQUEST_ID, header::LOCATION, header::RETRY_AFTER])
+        .allow_methods([Method::GET, Method::HEAD, Method::POST, Method::PUT, Method::PATCH, Method::DELETE])
+        .allow_headers([header::CONTENT_TYPE].into_iter().chain(uploads::REQUEST_HEADERS).collect::<Vec<_>>())
+        .expose_headers(exposed)
 }
 
 /// The answer to addresses that nothing answers to.

@@ -29,6 +29,7 @@ use crate::{datasets, environments, sessions, viewer};
         (name = "service", description = "The service itself"),
         (name = "datasets", description = "Volumes that can be explored"),
         (name = "environments", description = "Light from all directions"),
+        (name = "uploads", description = "Uploads that go on after a break (tus 1.0.0)"),
         (name = "sessions", description = "Scenes being explored"),
     )
 )]
@@ -46,6 +47,14 @@ pub fn api() -> OpenApiRouter<Arc<App>> {
         .routes(routes!(environments::routes::list))
         .routes(routes!(environments::routes::put, environments::routes::delete))
         .routes(routes!(environments::routes::preview))
+        .routes(routes!(datasets::uploads::routes::create))
+        .routes(routes!(
+            datasets::uploads::routes::head,
+            datasets::uploads::routes::get,
+            datasets::uploads::routes::patch,
+            datasets::uploads::routes::post,
+            datasets::uploads::routes::delete
+        ))
         .routes(routes!(sessions::routes::list, sessions::routes::create))
         .routes(routes!(sessions::routes::get, sessions::routes::delete))
         .routes(routes!(

@@ -89,6 +89,48 @@ impl Fault {
         Self::new(Kind::StorageFull, detail)
     }
 
+    /// The file system refuses: 507 where it is full, otherwise [`Fault::internal`].
+    pub fn disk(doing: &str, error: &std::io::Error) -> Self {
+        use std::io::ErrorKind::{FileTooLarge, QuotaExceeded, StorageFull};
+        if !matches!(error.kind(), StorageFull | QuotaExceeded | FileTooLarge) {
+            return Self::internal(doing, error);
+        }
+        tracing::error!(%error, "no room while {doing}");
+        Self::storage_full(format!(
+            "The disk of the service is full: no room while {doing}. Delete datasets, or make room on the server, and try again."
+        ))
+    }
+
+    /// The thing was there and is not any more.
+    pub fn gone(detail: impl Into<String>) -> Self {
+        Self::new(Kind::Gone, detail)
+    }
+
+    /// The request and the state of the thing do not fit together.
+    pub fn conflict(detail: impl Into<String>) -> Self {
+        Self::new(Kind::Conflict, detail)
+    }
+
+    /// Another request holds the thing.
+    pub fn locked(detail: impl Into<String>) -> Self {
+        Self::new(Kind::Locked, detail)
+    }
+
+    /// The body is of a type that is not taken here.
+    pub fn unsupported_media(detail: impl Into<String>) -> Self {
+        Self::new(Kind::UnsupportedMedia, detail)
+    }
+
+    /// The client speaks another version of a protocol.
+    pub fn wrong_version(detail: impl Into<String>) -> Self {
+        Self::new(Kind::WrongVersion, detail)
+    }
+
+    /// What arrived is not what was sent.
+    pub fn checksum_mismatch(detail: impl Into<String>) -> Self {
+        Self::new(Kind::ChecksumMismatch, detail)
+    }
+
     /// Drawing took too long.
     pub fn too_slow(detail: impl Into<String>) -> Self {
         Self::new(Kind::TooSlow, detail)
@@ -130,6 +172,12 @@ enum Kind {
     Busy,
     StorageFull,
     TooSlow,
+    Gone,
+    Conflict,
+    Locked,
+    UnsupportedMedia,
+    WrongVersion,
+    ChecksumMismatch,
     Internal,
 }
 
@@ -150,9 +198,24 @@ impl Kind {
             Kind::Busy => (StatusCode::SERVICE_UNAVAILABLE, "busy", "Busy"),
             Kind::StorageFull => (StatusCode::INSUFFICIENT_STORAGE, "storage-full", "No storage left"),
             Kind::TooSlow => (StatusCode::GATEWAY_TIMEOUT, "too-slow", "Drawing took too long"),
+            Kind::Gone => (StatusCode::GONE, "gone", "No longer there"),
+            Kind::Conflict => (StatusCode::CONFLICT, "conflict", "Does not fit what is there"),
+            Kind::Locked => (StatusCode::LOCKED, "locked", "In use"),
+            Kind::UnsupportedMedia => {
+                (StatusCode::UNSUPPORTED_MEDIA_TYPE, "unsupported-media-type", "Not taken in this form")
+            }
+            Kind::WrongVersion => {
+                (StatusCode::PRECONDITION_FAILED, "wrong-version", "Another version of the protocol")
+            }
+            Kind::ChecksumMismatch => (checksum_mismatch(), "checksum-mismatch", "Damaged on the way"),
             Kind::Internal => (StatusCode::INTERNAL_SERVER_ERROR, "internal", "Internal error"),
         }
     }
+}
+
+/// Status 460, which tus defines.
+fn checksum_mismatch() -> StatusCode {
+    StatusCode::from_u16(460).unwrap_or(StatusCode::BAD_REQUEST)
 }
 
 impl From<FieldError> for Fault {

@@ -8,6 +8,7 @@ use std::time::Duration;
 use render::{AdapterPolicy, Gpu, RenderError};
 use tokio::net::TcpListener;
 
+use crate::datasets::uploads;
 use crate::{App, Config, app};
 
 /// How often idle sessions are looked for.
@@ -82,6 +83,7 @@ pub async fn serve_on(
         samples.all();
     });
     let expiring = tokio::spawn(expire_sessions(state.clone()));
+    let tending = tokio::spawn(uploads::tend(state.clone()));
     let closing = state.closing().clone();
     let stopping = {
         let closing = closing.clone();
@@ -104,6 +106,7 @@ pub async fn serve_on(
         }
     };
     expiring.abort();
+    tending.abort();
     describing.abort();
     let stopped = tokio::task::spawn_blocking(move || {
         state.sessions().store().close();

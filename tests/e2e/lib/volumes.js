@@ -62,3 +62,12 @@ export function ball() {
 export const truncatedNrrd = () => Buffer.concat([
   Buffer.from("NRRD0004\ntype: uint8\ndimension: 3\nsizes: 16 16 16\nencoding: raw\n\n", "latin1"), Buffer.alloc(1000, 7),
 ]);
+
+/** 8.4 MB that take a while on a slow link: waves in 128 x 128 x 256 voxels of 16 bits. */
+export function largeNrrd() {
+  const [width, height, depth] = [128, 128, 256];
+  const voxels = Buffer.alloc(width * height * depth * 2);
+  for (let index = 0; index < voxels.length / 2; index += 1) voxels.writeUInt16LE((index * 7919) % 4096, 2 * index);
+  const header = `NRRD0004\ntype: uint16\nendian: little\ndimension: 3\nsizes: ${width} ${height} ${depth}\nencoding: raw\n\n`;
+  return Buffer.concat([Buffer.from(header, "latin1"), voxels]);
+}

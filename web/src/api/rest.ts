@@ -1,6 +1,6 @@
 /** The REST side of the service. Every failure is a `ProblemError` that says in words what happened. */
 
-import type { CreateSession, Dataset, Histogram, PreviewRequest, Probe, ProbeRequest, Problem, RegionHistogram, Session, Status } from "../generated/proto";
+import type { CreateSession, Dataset, Histogram, PreviewRequest, Probe, ProbeRequest, Problem, RegionHistogram, Session, Status, Upload } from "../generated/proto";
 
 const BASE = "/api/v1";
 
@@ -41,8 +41,10 @@ export function problemFrom(status: number, body: string): ProblemError {
   return new ProblemError({ type: "about:blank", title: `HTTP ${status}`, status, detail: `The service answered with status ${status}.` });
 }
 
-async function send(path: string, init: RequestInit): Promise<Response> {
-  const response = await fetch(BASE + path, init).catch(() => {
+const send = (path: string, init: RequestInit): Promise<Response> => sendTo(BASE + path, init);
+
+async function sendTo(url: string, init: RequestInit): Promise<Response> {
+  const response = await fetch(url, init).catch(() => {
     throw unreachable();
   });
   if (!response.ok) throw problemFrom(response.status, await response.text());
@@ -58,7 +60,7 @@ export const getDatasets = (): Promise<Dataset[]> => getJson("/datasets");
 export const getDataset = (id: string): Promise<Dataset> => getJson(`/datasets/${segment(id)}`);
 export const getHistogram = (id: string): Promise<Histogram> => getJson(`/datasets/${segment(id)}/histogram`);
 export const thumbnailUrl = (id: string): string => `${BASE}/datasets/${segment(id)}/thumbnail`;
-export const uploadUrl = `${BASE}/datasets`;
+export const uploadsUrl = `${BASE}/uploads`;
 export const getSession = (id: string): Promise<Session> => getJson(`/sessions/${segment(id)}`);
 
 export const getSessions = (): Promise<Session[]> => getJson("/sessions");
@@ -70,6 +72,23 @@ export async function deleteSession(id: string): Promise<void> {
 
 export async function deleteDataset(id: string): Promise<void> {
   await send(`/datasets/${segment(id)}`, { method: "DELETE" });
+}
+
+/** What became of a resumable upload; `url` is the address it was given. */
+export const getUpload = async (url: string): Promise<Upload> => (await (await sendTo(url, {})).json()) as Upload;
+
+const TUS = { "Tus-Resumable": "1.0.0" };
+
+/** Has a complete upload read again. */
+export async function readUploadAgain(url: string, length: number): Promise<void> {
+  await sendTo(url, { method: "PATCH", headers: { ...TUS, "Upload-Offset": String(length), "Content-Type": "application/offset+octet-stream" } });
+}
+
+/** Cancels an upload; one that is gone is none. */
+export async function deleteUpload(url: string): Promise<void> {
+  await sendTo(url, { method: "DELETE", headers: TUS }).catch((error: unknown) => {
+    if (!(error instanceof ProblemError) || ![404, 410].includes(error.status)) throw error;
+  });
 }
 
 const postJson = (path: string, body: unknown, signal?: AbortSignal): Promise<Response> =>

@@ -1,7 +1,7 @@
 /** Samples, own datasets and uploads. */
 
 import { Button, FileButton, NativeSelect } from "@mantine/core";
-import { useState } from "react";
+import { useEffect, useState } from "react";
 import { IconButton, Section } from "../app/controls";
 import { Icon } from "../app/Icon";
 import { sayError } from "../app/say";
@@ -10,7 +10,7 @@ import { ShownVolume } from "../quality/ShownVolume";
 import { session } from "../session/engine";
 import { useSession } from "../session/store";
 import { formatDims } from "./format";
-import { explore, refreshDatasets, removeDataset, takeFiles, useDatasets } from "./store";
+import { explore, refreshDatasets, removeDataset, showLeftovers, takeFiles, useDatasets } from "./store";
 import { Thumbnail } from "./Thumbnail";
 import { DatasetFacts, UploadTiles } from "./UploadTiles";
 
@@ -18,6 +18,7 @@ import { DatasetFacts, UploadTiles } from "./UploadTiles";
 const uploadInput = { "data-testid": "upload-input" } as object;
 
 export function DatasetsPanel() {
+  useEffect(() => void showLeftovers().catch(sayError), []);
   const list = useDatasets((state) => state.list);
   const error = useDatasets((state) => state.listError);
   const samples = list.filter((dataset) => dataset.sample);

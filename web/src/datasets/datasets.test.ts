@@ -1,9 +1,10 @@
 import { describe, expect, it } from "vitest";
 import { formatBytes } from "./format";
 import { distinctNames, groupFiles, guessLayout, layoutProblem, sidecarName } from "./grouping";
+import { boundaryOf, fingerprint, formOf, formType, inOrder, mayPass, randomBoundary, timeLeft } from "./resumable";
 import { hasSeveralPages, stacksApart } from "./stacks";
 import { Turns } from "./turns";
-import { SpeedMeter } from "./upload";
+import { endOf, SpeedMeter } from "./upload";
 
 const named = (...names: string[]) => names.map((name) => ({ name, size: 10 }));
 const groups = (...names: string[]) => groupFiles(named(...names)).map((group) => group.files.map((file) => file.name));
@@ -140,5 +141,57 @@ describe("turns", () => {
     expect(started).toEqual(["a", "b", "d"]);
     turns.ask(() => started.push("e"));
     expect(started).not.toContain("e");
+  });
+});
+
+describe("resumable uploads", () => {
+  const file = (name: string, size: number, lastModified = 5) => ({ name, size, lastModified });
+
+  it("know the same files again, however they are dropped", () => {
+    const one = fingerprint([file("a.mhd", 3), file("a.raw", 40)]);
+    expect(fingerprint([file("a.raw", 40), file("a.mhd", 3)])).toBe(one);
+    expect(one).toMatch(/^tyndall-[0-9a-f]{16}-43$/);
+    const others = [[file("a.mhd", 3)], [file("a.mhd", 3), file("b.raw", 40)], [file("a.mhd", 3, 6), file("a.raw", 40)], [file("a.mhd", 4), file("a.raw", 39)]];
+    expect(new Set([one, ...others.map(fingerprint)]).size).toBe(5);
+  });
+
+  it("send several files as one form", async () => {
+    const boundary = randomBoundary();
+    expect(boundary).toMatch(/^[0-9a-f]{32}$/);
+    const files = [new File(["voxels"], 'b"1.raw'), new File(["head"], "a.mhd"), new File(["other"], "a.mhd", { lastModified: 1 })];
+    const body = formOf(files, boundary);
+    const request = new Request("http://x/", { method: "POST", body, headers: { "content-type": formType(boundary) } });
+    const parts = (await request.formData()).getAll("file") as File[];
+    expect(await Promise.all(parts.map(async (part) => [part.name, await part.text()]))).toEqual([["a.mhd", "head"], ["2-a.mhd", "other"], ['b"1.raw', "voxels"]]);
+    expect(await formOf([...files].reverse(), boundary).text()).toBe(await body.text());
+    expect(inOrder(files).map(({ name }) => name)).toEqual(["a.mhd", "a.mhd", 'b"1.raw']);
+  });
+
+  it("keep a form's boundary", () => {
+    expect(boundaryOf(formType("xy"))).toBe("xy");
+    expect(boundaryOf("image/tiff")).toBeNull();
+    expect(boundaryOf(undefined)).toBeNull();
+  });
+
+  it("try again what may pass, and nothing else", () => {
+    expect([0, 423, 503].every(mayPass)).toBe(true);
+    expect([400, 404, 410, 413, 422, 460, 500, 507].some(mayPass)).toBe(false);
+  });
+
+  it("end as the service says", () => {
+    const upload = { length: 5, offset: 5 };
+    const problem = { type: "about:blank", title: "Full", status: 507, detail: "The disk is full." };
+    expect(endOf({ ...upload, state: "reading" })).toBeNull();
+    expect(endOf({ ...upload, state: "receiving" })).toBeNull();
+    expect(endOf({ ...upload, state: "refused", problem })).toEqual({ kind: "failed", message: "The disk is full.", kept: false });
+    expect(endOf({ ...upload, state: "failed", problem })).toEqual({ kind: "failed", message: "The disk is full.", kept: true });
+    expect(endOf({ ...upload, state: "stored" })).toMatchObject({ kind: "failed", kept: false });
+  });
+
+  it("say how long they will take", () => {
+    expect(timeLeft(1000, 0)).toBe("");
+    expect(timeLeft(1000, 300)).toBe("4 s left");
+    expect(timeLeft(600_000, 1000)).toBe("10 min left");
+    expect(timeLeft(9_000_000, 1000)).toBe("3 h left");
   });
 });

@@ -11,8 +11,9 @@ import { useSession } from "../session/store";
 import { wordsOf } from "../session/words";
 import { formatBytes } from "./format";
 import { groupFiles, sidecarName, type Group, type RawLayout } from "./grouping";
+import { fingerprint } from "./resumable";
 import { stacksApart } from "./stacks";
-import { startUpload, type Progress } from "./upload";
+import { discard, endOf, findLeftovers, outcomeOf, Transfer, type Leftover, type TransferState } from "./upload";
 
 /** Largest JSON file that is looked into to see whether it is a scene. */
 const MAX_SCENE_BYTES = 4_000_000;
@@ -20,15 +21,18 @@ const MAX_SCENE_BYTES = 4_000_000;
 export interface UploadTile {
   id: number;
   name: string;
+  /** Its files; none after a reload, when the page cannot reach them any more. */
   group: Group<File>;
+  /** Sends them; absent before they are sent. */
+  transfer?: Transfer;
+  /** What was left at the service when the page was loaded. */
+  leftover?: Leftover;
   state:
     /** The layout of a raw file is asked for. */
     | { kind: "layout" }
-    | { kind: "sending"; progress: Progress; cancel: () => void }
-    /** Everything is sent; the service reads it. */
-    | { kind: "checking"; cancel: () => void }
-    | { kind: "done"; dataset: Dataset }
-    | { kind: "failed"; message: string };
+    /** A part of it is at the service; the rest needs the files again. */
+    | { kind: "left"; sent: number; total: number }
+    | TransferState;
 }
 
 interface DatasetsState {
@@ -102,47 +106,93 @@ export async function takeFiles(files: readonly File[]): Promise<void> {
     const id = (lastUpload += 1);
     const tile: UploadTile = { id, name: group.name, group, state: { kind: "layout" } };
     set(({ uploads }) => ({ uploads: [tile, ...uploads] }));
-    if (!group.needsLayout) void send(id, group.files);
+    if (!group.needsLayout) void send(id, group.name, group.files);
   }
 }
 
 /** Uploads a raw file with a sidecar that states its layout. */
 export function sendWithLayout(tile: UploadTile, layout: RawLayout): void {
-  const sidecar = new File([JSON.stringify(layout)], sidecarName(tile.name), { type: "application/json" });
-  void send(tile.id, [...tile.group.files, sidecar]);
+  // Without a date of its own: the same file and layout are the same upload after a reload.
+  const sidecar = new File([JSON.stringify(layout)], sidecarName(tile.name), { type: "application/json", lastModified: 0 });
+  void send(tile.id, tile.name, [...tile.group.files, sidecar]);
 }
 
-export const retryUpload = (tile: UploadTile): void => {
-  if (tile.group.needsLayout) update(tile.id, { kind: "layout" });
-  else void send(tile.id, tile.group.files);
-};
+/** After a failure: goes on where it can, begins anew where it must. */
+export function retryUpload(tile: UploadTile): void {
+  if (tile.state.kind === "failed" && tile.state.kept && tile.transfer) tile.transfer.goOn();
+  else if (tile.leftover) void hearOf(tile.id, tile.leftover, true);
+  else if (tile.group.needsLayout) update(tile.id, { state: { kind: "layout" } });
+  else void send(tile.id, tile.name, tile.group.files);
+}
 
 export const dismissUpload = (id: number): void => set(({ uploads }) => ({ uploads: uploads.filter((tile) => tile.id !== id) }));
 
-async function send(id: number, files: readonly File[]): Promise<void> {
-  const total = files.reduce((sum, file) => sum + file.size, 0);
-  const most = useSession.getState().status?.max_upload_bytes;
-  if (most !== undefined && total > most) {
-    update(id, { kind: "failed", message: `The upload has ${formatBytes(total)}; this service takes at most ${formatBytes(most)}.` });
-    return;
-  }
-  const upload = startUpload(files, (progress) => {
-    const { cancel } = upload;
-    update(id, progress.sent < progress.total ? { kind: "sending", progress, cancel } : { kind: "checking", cancel });
-  });
-  update(id, { kind: "sending", progress: { sent: 0, total, bytesPerSecond: 0 }, cancel: upload.cancel });
+/** Ends an upload and removes what the service has of it. */
+export async function cancelUpload(tile: UploadTile): Promise<void> {
   try {
-    const dataset = await upload.done;
-    update(id, { kind: "done", dataset });
-    await refreshDatasets();
+    if (tile.transfer) await tile.transfer.cancel();
+    else if (tile.leftover) await discard(tile.leftover);
+    dismissUpload(tile.id);
   } catch (error) {
-    if (error instanceof DOMException && error.name === "AbortError") dismissUpload(id);
-    else update(id, { kind: "failed", message: wordsOf(error) });
+    update(tile.id, { state: { kind: "failed", message: wordsOf(error), kept: true } });
   }
 }
 
-function update(id: number, state: UploadTile["state"]): void {
-  set(({ uploads }) => ({ uploads: uploads.map((tile) => (tile.id === id ? { ...tile, state } : tile)) }));
+/** Shows the uploads that a reload interrupted. */
+export async function showLeftovers(): Promise<void> {
+  for (const leftover of await findLeftovers()) {
+    const known = useDatasets.getState().uploads.some((tile) => [tile.leftover?.fingerprint, tile.transfer?.fingerprint].includes(leftover.fingerprint));
+    if (known) continue;
+    const id = (lastUpload += 1);
+    const { name, upload: { state, offset, length } } = leftover;
+    const group: Group<File> = { name, files: [], needsLayout: false, slices: false };
+    const shown: UploadTile["state"] = state === "receiving" ? { kind: "left", sent: offset, total: length } : { kind: "checking" };
+    set(({ uploads }) => ({ uploads: [{ id, name, group, leftover, state: shown }, ...uploads] }));
+    if (state !== "receiving") void hearOf(id, leftover);
+  }
+}
+
+/** Waits for what becomes of an upload whose bytes are all at the service. */
+async function hearOf(id: number, leftover: Leftover, again = false): Promise<void> {
+  update(id, { state: { kind: "checking" } });
+  const state = (again ? null : endOf(leftover.upload)) ?? (await outcomeOf(leftover.url));
+  if (state.kind !== "failed" || !state.kept) await leftover.forget();
+  update(id, { state });
+  if (state.kind === "done") await refreshDatasets();
+}
+
+async function send(id: number, name: string, files: readonly File[]): Promise<void> {
+  const total = files.reduce((sum, file) => sum + file.size, 0);
+  const most = useSession.getState().status?.max_upload_bytes;
+  if (most !== undefined && total > most) {
+    update(id, { state: { kind: "failed", message: `The upload has ${formatBytes(total)}; this service takes at most ${formatBytes(most)}.`, kept: false } });
+    return;
+  }
+  const same = useDatasets.getState().uploads.find((tile) => tile.id !== id && tile.transfer?.fingerprint === fingerprint(files) && ["sending", "paused"].includes(tile.state.kind));
+  if (same) {
+    // Dropped a second time: it is under way already.
+    dismissUpload(id);
+    if (same.state.kind === "paused") same.transfer?.goOn();
+    return;
+  }
+  const transfer = new Transfer(name, files, (state) => {
+    update(id, { state });
+    if (state.kind === "done") void refreshDatasets();
+  });
+  update(id, { transfer });
+  await transfer.start(takeOver(transfer));
+}
+
+/** An upload that goes on takes the place of the tile that a reload left; returns what that one says is sent. */
+function takeOver({ fingerprint }: Transfer): number {
+  const isOld = (tile: UploadTile) => tile.leftover?.fingerprint === fingerprint;
+  const old = useDatasets.getState().uploads.find(isOld);
+  if (old) set(({ uploads }) => ({ uploads: uploads.filter((tile) => !isOld(tile)) }));
+  return old?.state.kind === "left" ? old.state.sent : 0;
+}
+
+function update(id: number, change: Partial<UploadTile>): void {
+  set(({ uploads }) => ({ uploads: uploads.map((tile) => (tile.id === id ? { ...tile, ...change } : tile)) }));
 }
 
 async function sceneIn(file: File): Promise<SceneFile | null> {

@@ -783,6 +783,30 @@ bytes: number,
  */
 notices: Array<string>, };
 
+export type UploadState = "receiving" | "reading" | "stored" | "refused" | "failed";
+
+export type Upload = { 
+/**
+ * How far it has come.
+ */
+state: UploadState, 
+/**
+ * Bytes of the whole upload.
+ */
+length: number, 
+/**
+ * Bytes that are safe at the service.
+ */
+offset: number, 
+/**
+ * What came of it; absent, too, if it was deleted meanwhile.
+ */
+dataset?: Dataset, 
+/**
+ * Why there is no dataset.
+ */
+problem?: Problem, };
+
 export type ShownVolume = { 
 /**
  * 0 is full resolution; each further level has half as many voxels along each axis.

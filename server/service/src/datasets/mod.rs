@@ -1,18 +1,21 @@
 //! Datasets: the catalog of what can be explored.
 //!
-//! Samples come with the service; everything else was uploaded and lies in [`storage`]. The
-//! catalog in memory is rebuilt from the manifests at every start.
+//! Samples come with the service; everything else was uploaded and lies in [`storage`], where an
+//! [`index`] of the manifests answers what there is.
 
 pub mod default_scene;
+pub mod index;
 pub mod receive;
 pub mod routes;
 pub mod samples;
 mod series;
 pub mod storage;
+pub mod uploads;
 pub mod volumes;
 
-use std::collections::BTreeMap;
+use std::fs::File;
 use std::path::Path;
+use std::sync::Arc;
 
 use parking_lot::Mutex;
 use proto::rest::Dataset;
@@ -20,6 +23,7 @@ use scene::PreparedVolume;
 
 use crate::config::Limits;
 use crate::problem::{Answer, Fault};
+use index::{Index, IndexError};
 use storage::{Manifest, Storage};
 
 /// Digits of a dataset's identifier, taken from its content hash.
@@ -32,34 +36,50 @@ pub struct Catalog {
     /// Held while a dataset is stored or deleted, so that two uploads of one content meet.
     writing: Mutex<()>,
     limits: Limits,
+    /// Keeps other services out of the data directory.
+    _lock: File,
 }
 
 struct State {
-    manifests: BTreeMap<String, Manifest>,
+    index: Index,
     /// Bytes of all stored datasets and of all uploads under way.
     used_bytes: u64,
 }
 
 /// Bytes set aside for an upload; given back when dropped.
-pub struct Reservation<'a> {
-    catalog: &'a Catalog,
+pub struct Reservation {
+    catalog: Arc<Catalog>,
     bytes: u64,
 }
 
 impl Catalog {
-    /// Reads the data directory; see [`Storage::open`].
+    /// Takes hold of the data directory and brings its index up to date; see [`Storage::lock`],
+    /// [`Index::open`].
     ///
     /// # Errors
     /// The directory cannot be used.
     pub fn open(root: &Path, limits: &Limits) -> std::io::Result<Self> {
-        let (storage, manifests) = Storage::open(root)?;
-        let used_bytes = manifests.iter().map(|m| m.dataset.bytes).sum();
-        let by_id = |manifest: Manifest| (manifest.dataset.id.clone(), manifest);
+        let lock = Storage::lock(root)?;
+        let storage = Storage::open(root)?;
+        let index = Index::open(&storage).or_else(|error| {
+            tracing::error!(%error, "the index of datasets is kept in memory");
+            Index::in_memory(&storage)
+        });
+        let opened = index.and_then(|index| {
+            storage.remove_orphans(&index.list()?)?;
+            let (_, used_bytes) = index.totals()?;
+            Ok(State { index, used_bytes })
+        });
+        let state = opened.map_err(|error| match error {
+            IndexError::Io(error) => error,
+            other => std::io::Error::other(other),
+        })?;
         Ok(Self {
             storage,
-            state: Mutex::new(State { manifests: manifests.into_iter().map(by_id).collect(), used_bytes }),
+            state: Mutex::new(state),
             writing: Mutex::new(()),
             limits: limits.clone(),
+            _lock: lock,
         })
     }
 
@@ -68,23 +88,37 @@ impl Catalog {
         &self.storage
     }
 
-    /// Every dataset, newest first.
+    /// Asks the index. One that fails while the service runs is replaced by one in memory, made
+    /// from the manifests.
+    fn ask<T: Default>(&self, question: impl Fn(&Index) -> rusqlite::Result<T>) -> T {
+        let mut state = self.state.lock();
+        match question(&state.index) {
+            Ok(answer) => return answer,
+            Err(error) => tracing::error!(%error, "the index of datasets fails; it is made anew in memory"),
+        }
+        let answer = Index::in_memory(&self.storage).and_then(|index| {
+            state.index = index;
+            Ok(question(&state.index)?)
+        });
+        answer.unwrap_or_else(|error| {
+            tracing::error!(%error, "the index of datasets cannot be made");
+            T::default()
+        })
+    }
+
+    /// Every dataset, newest first. Blocks.
     pub fn list(&self) -> Vec<Dataset> {
-        let state = self.state.lock();
-        let mut datasets: Vec<_> = state.manifests.values().map(|m| m.dataset.clone()).collect();
-        datasets.sort_by_key(|dataset| std::cmp::Reverse(dataset.created_unix_millis));
-        datasets
+        self.ask(Index::list).into_iter().map(|manifest| manifest.dataset).collect()
     }
 
     /// One dataset's manifest.
     pub fn get(&self, id: &str) -> Option<Manifest> {
-        self.state.lock().manifests.get(id).cloned()
+        self.ask(|index| index.get(id))
     }
 
     /// The dataset with this content, if it is stored.
     pub fn with_content(&self, content: &str) -> Option<Manifest> {
-        let state = self.state.lock();
-        state.manifests.values().find(|m| m.content == content).cloned()
+        self.ask(|index| index.with_content(content))
     }
 
     /// Refuses early what cannot be stored: too many datasets.
@@ -93,7 +127,7 @@ impl Catalog {
     /// 507 when the limit is reached.
     pub fn check_count(&self) -> Answer<()> {
         let most = self.limits.max_datasets;
-        if self.state.lock().manifests.len() >= most {
+        if self.ask(Index::totals).0 >= most {
             return Err(Fault::storage_full(format!(
                 "There are {most} datasets, the most this service stores (`limits.max_datasets`); delete one first."
             )));
@@ -102,8 +136,14 @@ impl Catalog {
     }
 
     /// Nothing set aside yet.
-    pub fn reserve(&self) -> Reservation<'_> {
-        Reservation { catalog: self, bytes: 0 }
+    pub fn reserve(self: &Arc<Self>) -> Reservation {
+        Reservation { catalog: self.clone(), bytes: 0 }
+    }
+
+    /// Sets aside what lies on the disk already, whatever the limit says.
+    pub fn reserve_held(self: &Arc<Self>, bytes: u64) -> Reservation {
+        self.state.lock().used_bytes += bytes;
+        Reservation { catalog: self.clone(), bytes }
     }
 
     /// Stores a received folder under an identifier made from its content. Content that is stored
@@ -123,12 +163,12 @@ impl Catalog {
         let short: String = manifest.content.chars().take(ID_DIGITS).collect();
         manifest.dataset.id = if self.get(&short).is_some() { manifest.content.clone() } else { short };
         let dataset = manifest.dataset.clone();
-        self.storage
+        let stamp = self
+            .storage
             .store(folder, &manifest)
-            .map_err(|error| Fault::internal("storing a dataset", &error))?;
-        let mut state = self.state.lock();
-        state.used_bytes += dataset.bytes;
-        state.manifests.insert(dataset.id.clone(), manifest);
+            .map_err(|error| Fault::disk("storing a dataset", &error))?;
+        self.ask(|index| index.put(&manifest, &stamp));
+        self.state.lock().used_bytes += dataset.bytes;
         Ok((dataset, true))
     }
 
@@ -142,14 +182,14 @@ impl Catalog {
             return Err(no_such_dataset(id));
         };
         self.storage.remove(&manifest).map_err(|error| Fault::internal("deleting a dataset", &error))?;
+        self.ask(|index| index.remove(id));
         let mut state = self.state.lock();
-        state.manifests.remove(id);
         state.used_bytes = state.used_bytes.saturating_sub(manifest.dataset.bytes);
         Ok(())
     }
 }
 
-impl Reservation<'_> {
+impl Reservation {
     /// Sets more bytes aside.
     ///
     /// # Errors
@@ -166,9 +206,20 @@ impl Reservation<'_> {
         self.bytes += bytes;
         Ok(())
     }
+
+    /// Sets aside what is missing to `bytes` in all.
+    ///
+    /// # Errors
+    /// 507 when the store is full.
+    pub fn cover(&mut self, bytes: u64) -> Answer<()> {
+        match bytes.saturating_sub(self.bytes) {
+            0 => Ok(()),
+            missing => self.grow(missing),
+        }
+    }
 }
 
-impl Drop for Reservation<'_> {
+impl Drop for Reservation {
     fn drop(&mut self) {
         self.catalog.state.lock().used_bytes -= self.bytes;
     }
@@ -201,5 +252,34 @@ pub fn describe(prepared: &PreparedVolume, id: &str, name: &str, format: &str) -
         notices: Vec::new(),
         choices: Vec::new(),
         attribution: None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_index_that_fails_while_the_service_runs_loses_nothing() {
+        let root = tempfile::tempdir().unwrap();
+        let catalog = Catalog::open(root.path(), &Limits::default()).unwrap();
+        let store = |content: &str| {
+            let manifest = storage::tests::manifest("", content);
+            catalog.store(&storage::tests::receive(catalog.storage()), manifest).unwrap().0.id
+        };
+        let first = store("aacc");
+        catalog.state.lock().index.damage();
+        assert_eq!(catalog.list().len(), 1);
+        catalog.state.lock().index.damage();
+        let second = store("bbcc");
+        assert!(catalog.get(&first).is_some() && catalog.with_content("bbcc").is_some());
+        catalog.state.lock().index.damage();
+        catalog.delete(&first).unwrap();
+        assert_eq!(catalog.list()[0].id, second);
+        // The file was left behind; the next start brings it up to date.
+        drop(catalog);
+        let catalog = Catalog::open(root.path(), &Limits::default()).unwrap();
+        let ids: Vec<_> = catalog.list().into_iter().map(|dataset| dataset.id).collect();
+        assert_eq!(ids, [second]);
     }
 }

@@ -1,7 +1,8 @@
 //! Receiving an upload: bytes to a temporary folder, bounded and hashed as they come.
 //!
 //! Whatever goes wrong (the client hangs up, a limit is met, no reader accepts the file), the
-//! folder goes away with its [`Incoming`].
+//! folder goes away with its [`Incoming`]. Resumable uploads ([`super::uploads`]) come here when they
+//! are complete.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -9,6 +10,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use axum::body::Bytes;
+use axum::extract::Multipart;
+use axum::extract::multipart::MultipartError;
 use futures_util::{Stream, StreamExt};
 use proto::rest::Dataset;
 use tokio::io::AsyncWriteExt;
@@ -19,12 +22,12 @@ use crate::App;
 use crate::problem::{Answer, Fault};
 
 /// Longest pause between two pieces of an upload.
-const MAX_PAUSE: Duration = Duration::from_secs(30);
+pub(super) const MAX_PAUSE: Duration = Duration::from_secs(30);
 /// An upload slower than this on average, after its first minute, holds its place for nothing.
 const MIN_BYTES_PER_SECOND: f64 = 1024.0;
 const GRACE: Duration = Duration::from_secs(60);
 /// Bytes gathered before they are handed to the file system.
-const WRITE_BYTES: usize = 1 << 20;
+pub(super) const WRITE_BYTES: usize = 1 << 20;
 /// Most volumes of a file without names for them that can be chosen on the page.
 const MAX_LISTED_CHOICES: u64 = 512;
 /// Endings of slices that come in one file each.
@@ -39,8 +42,30 @@ pub struct Incoming<'a> {
     /// Name and BLAKE3 of each file.
     files: BTreeMap<String, blake3::Hash>,
     bytes: u64,
-    reservation: Reservation<'a>,
+    reservation: Reservation,
     began: Instant,
+}
+
+/// Whether `bytes` since `began` are too few for the upload to keep its place.
+pub(super) fn check_pace(bytes: u64, began: Instant) -> Answer<()> {
+    let elapsed = began.elapsed();
+    if elapsed > GRACE && (bytes as f64) < MIN_BYTES_PER_SECOND * elapsed.as_secs_f64() {
+        return Err(Fault::timed_out("The upload is too slow; try again on a better link."));
+    }
+    Ok(())
+}
+
+/// What arrives next of a body; `None` at its end.
+///
+/// # Errors
+/// Nothing came for [`MAX_PAUSE`], or the body broke off.
+pub(super) async fn next_piece<E: std::fmt::Display>(
+    pieces: &mut (impl Stream<Item = Result<Bytes, E>> + Unpin),
+) -> Answer<Option<Bytes>> {
+    let piece = tokio::time::timeout(MAX_PAUSE, pieces.next())
+        .await
+        .map_err(|_| Fault::timed_out(format!("Nothing arrived for {} seconds.", MAX_PAUSE.as_secs())))?;
+    piece.transpose().map_err(|error| Fault::bad_request(format!("The upload broke off: {error}.")))
 }
 
 /// A temporary folder; removed with everything in it when dropped.
@@ -68,8 +93,16 @@ impl<'a> Incoming<'a> {
     /// # Errors
     /// Too many datasets, or the file system refuses.
     pub async fn new(app: &'a Arc<App>) -> Answer<Self> {
+        Self::with_room(app, app.catalog().reserve()).await
+    }
+
+    /// An empty upload for which room has been set aside.
+    ///
+    /// # Errors
+    /// See [`Incoming::new`].
+    pub async fn with_room(app: &'a Arc<App>, reservation: Reservation) -> Answer<Self> {
         app.catalog().check_count()?;
-        let storage_failed = |error| Fault::internal("preparing an upload", &error);
+        let storage_failed = |error| Fault::disk("preparing an upload", &error);
         let name = random_hex(16).map_err(storage_failed)?;
         let path = app.catalog().storage().incoming().join(name);
         tokio::fs::create_dir(&path).await.map_err(storage_failed)?;
@@ -78,7 +111,7 @@ impl<'a> Incoming<'a> {
             folder: Folder(path),
             files: BTreeMap::new(),
             bytes: 0,
-            reservation: app.catalog().reserve(),
+            reservation,
             began: Instant::now(),
         })
     }
@@ -92,27 +125,12 @@ impl<'a> Incoming<'a> {
         name: &str,
         mut pieces: impl Stream<Item = Result<Bytes, E>> + Unpin,
     ) -> Answer<()> {
-        let name = plain_name(name);
-        let most_files = self.app.config().limits.max_upload_files;
-        if self.files.len() >= most_files {
-            return Err(Fault::too_large(format!(
-                "An upload may have {most_files} files (`limits.max_upload_files`)."
-            )));
-        }
-        if self.files.contains_key(&name) {
-            return Err(Fault::invalid("file", format!("The upload has two files named `{name}`.")));
-        }
-        let disk_failed = |error: std::io::Error| Fault::internal("writing an upload", &error);
+        let name = self.new_name(name)?;
+        let disk_failed = |error: std::io::Error| Fault::disk("writing an upload", &error);
         let file = tokio::fs::File::create_new(self.folder.0.join(&name)).await.map_err(disk_failed)?;
         let mut file = tokio::io::BufWriter::with_capacity(WRITE_BYTES, file);
         let mut hasher = blake3::Hasher::new();
-        loop {
-            let piece = tokio::time::timeout(MAX_PAUSE, pieces.next()).await.map_err(|_| {
-                Fault::timed_out(format!("Nothing arrived for {} seconds.", MAX_PAUSE.as_secs()))
-            })?;
-            let Some(piece) = piece else { break };
-            let piece =
-                piece.map_err(|error| Fault::bad_request(format!("The upload broke off: {error}.")))?;
+        while let Some(piece) = next_piece(&mut pieces).await? {
             self.count(piece.len() as u64)?;
             hasher.update(&piece);
             file.write_all(&piece).await.map_err(disk_failed)?;
@@ -123,6 +141,69 @@ impl<'a> Incoming<'a> {
         Ok(())
     }
 
+    /// Receives the parts of a form, each a file named `file`.
+    ///
+    /// # Errors
+    /// A form that cannot be read, another part, and those of [`Incoming::file`].
+    pub async fn form(&mut self, mut form: Multipart) -> Answer<()> {
+        let broken = |error: MultipartError| {
+            Fault::bad_request(format!("The form cannot be read: {}.", error.body_text()))
+        };
+        while let Some(field) = form.next_field().await.map_err(broken)? {
+            let name = field.name().unwrap_or_default().to_owned();
+            if name != "file" {
+                return Err(Fault::invalid(
+                    plain_name(&name),
+                    "is not a part of an upload; parts are named `file`",
+                ));
+            }
+            let file_name = field.file_name().unwrap_or_default().to_owned();
+            self.file(&file_name, field).await?;
+        }
+        Ok(())
+    }
+
+    /// Takes a synced file of the data directory as one of the upload's; the file stays where it is,
+    /// too.
+    ///
+    /// # Errors
+    /// See [`Incoming::file`].
+    pub async fn adopt(&mut self, name: &str, path: &Path) -> Answer<()> {
+        let name = self.new_name(name)?;
+        let (source, target) = (path.to_owned(), self.folder.0.join(&name));
+        let adopting = move || {
+            // File systems without hard links, and folders on different ones, copy.
+            if std::fs::hard_link(&source, &target).is_err() {
+                std::fs::copy(&source, &target)?;
+                std::fs::File::open(&target)?.sync_all()?;
+            }
+            let mut hasher = blake3::Hasher::new();
+            hasher.update_reader(std::fs::File::open(&target)?)?;
+            Ok((hasher.finalize(), hasher.count()))
+        };
+        let (hash, bytes) = crate::blocking("reading an upload", adopting)
+            .await?
+            .map_err(|error| Fault::disk("reading an upload", &error))?;
+        self.count(bytes)?;
+        self.files.insert(name, hash);
+        Ok(())
+    }
+
+    /// A client's name for one more file as a plain name.
+    fn new_name(&self, name: &str) -> Answer<String> {
+        let name = plain_name(name);
+        let most_files = self.app.config().limits.max_upload_files;
+        if self.files.len() >= most_files {
+            return Err(Fault::too_large(format!(
+                "An upload may have {most_files} files (`limits.max_upload_files`)."
+            )));
+        }
+        if self.files.contains_key(&name) {
+            return Err(Fault::invalid("file", format!("The upload has two files named `{name}`.")));
+        }
+        Ok(name)
+    }
+
     fn count(&mut self, bytes: u64) -> Answer<()> {
         self.bytes += bytes;
         let most = self.app.config().limits.max_upload_bytes;
@@ -131,11 +212,8 @@ impl<'a> Incoming<'a> {
                 "An upload may have {most} bytes (`limits.max_upload_bytes`)."
             )));
         }
-        let elapsed = self.began.elapsed();
-        if elapsed > GRACE && (self.bytes as f64) < MIN_BYTES_PER_SECOND * elapsed.as_secs_f64() {
-            return Err(Fault::timed_out("The upload is too slow; try again on a better link."));
-        }
-        self.reservation.grow(bytes)
+        check_pace(self.bytes, self.began)?;
+        self.reservation.cover(self.bytes)
     }
 
     /// Reads the received files as a volume and stores them. `true` if the dataset is new.

@@ -76,23 +76,10 @@ pub async fn list(State(app): State<Arc<App>>) -> Answer<JsonAnswer<Vec<Dataset>
         (status = INSUFFICIENT_STORAGE, body = Problem, content_type = "application/problem+json"),
     )
 )]
-pub async fn post(State(app): State<Arc<App>>, mut form: Multipart) -> Answer<Response> {
+pub async fn post(State(app): State<Arc<App>>, form: Multipart) -> Answer<Response> {
     let _permit = permit(&app)?;
     let mut incoming = Incoming::new(&app).await?;
-    let broken = |error: axum::extract::multipart::MultipartError| {
-        Fault::bad_request(format!("The form cannot be read: {}.", error.body_text()))
-    };
-    while let Some(field) = form.next_field().await.map_err(broken)? {
-        let name = field.name().unwrap_or_default().to_owned();
-        if name != "file" {
-            return Err(Fault::invalid(
-                plain_name(&name),
-                "is not a part of an upload; parts are named `file`",
-            ));
-        }
-        let file_name = field.file_name().unwrap_or_default().to_owned();
-        incoming.file(&file_name, field).await?;
-    }
+    incoming.form(form).await?;
     stored(incoming).await
 }
 
@@ -148,7 +135,7 @@ pub async fn put(
 
 fn permit(app: &App) -> Answer<tokio::sync::SemaphorePermit<'_>> {
     let most = app.config().limits.max_uploads;
-    app.uploads
+    app.receiving
         .try_acquire()
         .map_err(|_| Fault::busy(format!("{most} uploads are under way (`limits.max_uploads`).")))
 }

@@ -178,7 +178,7 @@ mod tests {
     #[test]
     fn every_sample_is_described_and_its_scene_fits() {
         let root = tempfile::tempdir().unwrap();
-        let (storage, _) = Storage::open(root.path()).unwrap();
+        let storage = Storage::open(root.path()).unwrap();
         let samples = Samples::new(storage, &Limits::default());
         let scans = Scans::iter().filter(|file| file.ends_with(".json")).count();
         assert_eq!(samples.all().len(), Builtin::ALL.len() + scans, "none is left out");

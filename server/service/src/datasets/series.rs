@@ -7,7 +7,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use formats::Imported;
+use formats::{FormatError, Imported};
 use proto::rest::Dataset;
 use proto::scene_file::VoxelType;
 use scene::{PreparedVolume, Volume};
@@ -32,7 +32,7 @@ pub(super) fn import(
     upload_bytes: u64,
     first: Imported,
 ) -> Answer<(Dataset, bool)> {
-    let failed = |error| Fault::internal("storing a series", &error);
+    let failed = |error| Fault::disk("storing a series", &error);
     let folder = Folder(app.catalog().storage().incoming().join(random_hex(16).map_err(failed)?));
     std::fs::create_dir(&folder.0).map_err(failed)?;
     let mut notices = first.notices;
@@ -76,8 +76,10 @@ pub(super) fn import(
 
 fn store_volume(folder: &Path, index: usize, volume: &Volume) -> Answer<StoredVolume> {
     let file = format!("{index}.nrrd");
-    formats::write_nrrd(&folder.join(&file), volume)
-        .map_err(|error| Fault::internal("storing a series", &error))?;
+    formats::write_nrrd(&folder.join(&file), volume).map_err(|error| match error {
+        FormatError::Io { source, .. } => Fault::disk("storing a series", &source),
+        other => Fault::internal("storing a series", &other),
+    })?;
     // Scaled values are written as 32-bit floats.
     let voxel_bytes = if is_scaled(volume) { 4 } else { volume.voxels.bytes() / volume.voxels.len().max(1) };
     Ok(StoredVolume { file, memory_bytes: (volume.voxels.len() * voxel_bytes) as u64 })

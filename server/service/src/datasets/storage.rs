@@ -2,11 +2,15 @@
 //!
 //! ```text
 //! data/datasets/<id>.json      one manifest per dataset: its existence is the dataset's existence
+//! data/index.sqlite            what the manifests say, to look things up; made anew when missing
 //! data/blobs/<content>/...     the uploaded files, in a folder named by their hash; of DICOM, the
 //!                              volumes read from them, and nothing else
-//! data/incoming/...            uploads under way; emptied at start
+//! data/uploads/<id>.json       one record per resumable upload: what of it is safe
+//! data/uploads/<id>.data       its bytes
+//! data/incoming/...            what is being received in one request, or read; emptied at start
 //! data/thumbnails/...          pictures that can be drawn again
 //! data/samples/...             scans that come with the service, written out for the readers
+//! data/lock                    held by the service that uses the directory
 //! ```
 //!
 //! A dataset is stored in this order: its files are synced, their folder is renamed into `blobs`,
@@ -14,9 +18,11 @@
 //! then is it acknowledged. A crash before the last rename leaves a blob without a manifest, which
 //! the next start removes.
 
+use std::collections::HashSet;
 use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant, UNIX_EPOCH};
 
 use proto::rest::Dataset;
 use serde::{Deserialize, Serialize};
@@ -25,6 +31,13 @@ use serde::{Deserialize, Serialize};
 const MANIFEST_VERSION: u32 = 1;
 /// Largest manifest that is read, bytes.
 const MAX_MANIFEST_BYTES: u64 = 1 << 20;
+
+/// Longest wait for another service that is still about to leave the data directory.
+const LOCK_PATIENCE: Duration = Duration::from_secs(15);
+const LOCK_POLL: Duration = Duration::from_millis(50);
+
+/// Length and time of change of a manifest's file: equal stamps, equal manifests.
+pub type Stamp = String;
 
 /// Everything there is to know about a stored dataset besides its bytes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -72,26 +85,63 @@ pub struct Storage {
 }
 
 impl Storage {
-    /// Makes the directories, removes what unfinished uploads left, and reads every manifest.
-    /// A manifest that cannot be used is logged and left where it is.
+    /// Makes the directories and removes what unfinished requests left.
     ///
     /// # Errors
     /// The directory cannot be made, read or cleaned.
-    pub fn open(root: &Path) -> io::Result<(Self, Vec<Manifest>)> {
+    pub fn open(root: &Path) -> io::Result<Self> {
         let storage = Self { root: root.into() };
         match fs::remove_dir_all(storage.incoming()) {
             Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
             _ => {}
         }
-        for folder in ["datasets", "blobs", "incoming", "thumbnails", "samples"] {
+        for folder in ["datasets", "blobs", "incoming", "uploads", "thumbnails", "samples"] {
             fs::create_dir_all(root.join(folder))?;
         }
-        let manifests = storage.read_manifests()?;
-        storage.remove_orphans(&manifests)?;
-        Ok((storage, manifests))
+        Ok(storage)
     }
 
-    /// Where uploads are received.
+    /// The right to use a data directory, until the file is closed. Two services would remove each
+    /// other's uploads. Waits for one that is about to end.
+    ///
+    /// # Errors
+    /// Another service stays, or the file system refuses.
+    pub fn lock(root: &Path) -> io::Result<File> {
+        fs::create_dir_all(root)?;
+        let file = File::create(root.join("lock"))?;
+        let began = Instant::now();
+        loop {
+            match file.try_lock() {
+                Ok(()) => return Ok(file),
+                Err(fs::TryLockError::WouldBlock) if began.elapsed() < LOCK_PATIENCE => {
+                    std::thread::sleep(LOCK_POLL);
+                }
+                Err(fs::TryLockError::WouldBlock) => {
+                    return Err(io::Error::new(
+                        io::ErrorKind::ResourceBusy,
+                        "another service uses it; stop that one, or choose another directory with --data or DATA=",
+                    ));
+                }
+                Err(fs::TryLockError::Error(error)) if error.kind() == io::ErrorKind::Unsupported => {
+                    tracing::warn!("the file system has no locks: nothing keeps a second service out");
+                    return Ok(file);
+                }
+                Err(fs::TryLockError::Error(error)) => return Err(error),
+            }
+        }
+    }
+
+    /// The index's file.
+    pub fn index(&self) -> PathBuf {
+        self.root.join("index.sqlite")
+    }
+
+    /// Where resumable uploads lie.
+    pub fn uploads(&self) -> PathBuf {
+        self.root.join("uploads")
+    }
+
+    /// Where what one request brings is received, and what is being read lies.
     pub fn incoming(&self) -> PathBuf {
         self.root.join("incoming")
     }
@@ -125,11 +175,11 @@ impl Storage {
     }
 
     /// Makes a received folder and its manifest permanent; when this returns, both survive a
-    /// crash. The files in `folder` must have been synced.
+    /// crash. The files in `folder` must have been synced. Returns the manifest's stamp.
     ///
     /// # Errors
     /// The file system refuses; nothing is left behind but a blob the next start removes.
-    pub fn store(&self, folder: &Path, manifest: &Manifest) -> io::Result<()> {
+    pub fn store(&self, folder: &Path, manifest: &Manifest) -> io::Result<Stamp> {
         let blob = self.blob(&manifest.content);
         sync_directory(folder)?;
         // A blob of this content without a manifest is left over from a deletion that a crash
@@ -141,7 +191,9 @@ impl Storage {
         fs::rename(folder, &blob)?;
         sync_directory(&self.root.join("blobs"))?;
         let text = serde_json::to_vec_pretty(manifest)?;
-        write_atomically(&self.manifest(&manifest.dataset.id), &text)
+        let path = self.manifest(&manifest.dataset.id);
+        write_atomically(&path, &text)?;
+        stamp(&path)
     }
 
     /// Removes a dataset, manifest first.
@@ -170,24 +222,29 @@ impl Storage {
         self.root.join("datasets").join(format!("{id}.json"))
     }
 
-    fn read_manifests(&self) -> io::Result<Vec<Manifest>> {
-        let mut manifests = Vec::new();
+    /// Identifier and stamp of every manifest. Removes what a crash left of manifests that were
+    /// being written; none of those was acknowledged.
+    ///
+    /// # Errors
+    /// The directory cannot be read or cleaned.
+    pub fn stamps(&self) -> io::Result<Vec<(String, Stamp)>> {
+        let mut found = Vec::new();
         for entry in fs::read_dir(self.root.join("datasets"))? {
             let path = entry?.path();
-            if path.extension().is_none_or(|extension| extension != "json") {
-                // A manifest whose rename a crash prevented; it was never acknowledged.
-                fs::remove_file(&path)?;
-                continue;
-            }
-            match self.read_manifest(&path) {
-                Ok(manifest) => manifests.push(manifest),
-                Err(reason) => tracing::error!(manifest = %path.display(), reason, "a dataset is left out"),
+            match path.file_stem().filter(|_| path.extension().is_some_and(|ending| ending == "json")) {
+                Some(id) => found.push((id.to_string_lossy().into_owned(), stamp(&path)?)),
+                None => fs::remove_file(&path)?,
             }
         }
-        Ok(manifests)
+        Ok(found)
     }
 
-    fn read_manifest(&self, path: &Path) -> Result<Manifest, String> {
+    /// Reads a manifest.
+    ///
+    /// # Errors
+    /// Why it cannot be used, in words.
+    pub fn read_manifest(&self, id: &str) -> Result<Manifest, String> {
+        let path = &self.manifest(id);
         let length = fs::metadata(path).map_err(|error| error.to_string())?.len();
         if length > MAX_MANIFEST_BYTES {
             return Err(format!("{length} bytes are too many for a manifest"));
@@ -205,27 +262,38 @@ impl Storage {
         if !self.main_file(&manifest).is_file() {
             return Err("its data are missing".into());
         }
+        if manifest.dataset.id != id {
+            return Err(format!("it is the manifest of `{}`", manifest.dataset.id));
+        }
         Ok(manifest)
     }
 
-    /// Removes blobs that no manifest names. Blobs of manifests that could not be read stay: their
-    /// names are taken from the manifests' own file system entries, so as not to destroy data
-    /// because of a damaged manifest.
-    fn remove_orphans(&self, manifests: &[Manifest]) -> io::Result<()> {
+    /// Removes blobs that no manifest names. None is removed while there is a manifest that could
+    /// not be read, so that a damaged one destroys nothing.
+    ///
+    /// # Errors
+    /// The directory cannot be read or cleaned.
+    pub fn remove_orphans(&self, manifests: &[Manifest]) -> io::Result<()> {
         let known = fs::read_dir(self.root.join("datasets"))?.count();
         if known != manifests.len() {
             tracing::warn!("unused blobs are kept because a manifest cannot be read");
             return Ok(());
         }
+        let contents: HashSet<&str> = manifests.iter().map(|manifest| manifest.content.as_str()).collect();
         for entry in fs::read_dir(self.root.join("blobs"))? {
             let entry = entry?;
-            let name = entry.file_name();
-            if manifests.iter().all(|manifest| name != *manifest.content) {
+            if !entry.file_name().to_str().is_some_and(|name| contents.contains(name)) {
                 fs::remove_dir_all(entry.path())?;
             }
         }
         Ok(())
     }
+}
+
+fn stamp(path: &Path) -> io::Result<Stamp> {
+    let about = fs::metadata(path)?;
+    let changed = about.modified()?.duration_since(UNIX_EPOCH).unwrap_or_default();
+    Ok(format!("{}:{}", about.len(), changed.as_nanos()))
 }
 
 /// Writes a file so that it is either whole or absent after a crash.
@@ -251,16 +319,17 @@ pub fn random_hex(bytes: usize) -> io::Result<String> {
     Ok(random.iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
-fn sync_directory(path: &Path) -> io::Result<()> {
+/// Makes what was renamed into or removed from a directory survive a crash.
+pub fn sync_directory(path: &Path) -> io::Result<()> {
     File::open(path)?.sync_all()
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use proto::scene_file::VoxelType;
 
-    fn manifest(id: &str, content: &str) -> Manifest {
+    pub(in crate::datasets) fn manifest(id: &str, content: &str) -> Manifest {
         let dataset = Dataset {
             id: id.into(),
             name: "scan".into(),
@@ -281,17 +350,25 @@ mod tests {
         Manifest::new(content.into(), "a.nrrd".into(), dataset)
     }
 
-    fn receive(storage: &Storage) -> PathBuf {
+    pub(in crate::datasets) fn receive(storage: &Storage) -> PathBuf {
         let folder = storage.incoming().join(random_hex(8).unwrap());
         fs::create_dir(&folder).unwrap();
         fs::write(folder.join("a.nrrd"), b"x").unwrap();
         folder
     }
 
+    fn start(root: &Path) -> (Storage, Vec<Manifest>) {
+        let storage = Storage::open(root).unwrap();
+        let stamps = storage.stamps().unwrap();
+        let found: Vec<_> = stamps.iter().filter_map(|(id, _)| storage.read_manifest(id).ok()).collect();
+        storage.remove_orphans(&found).unwrap();
+        (storage, found)
+    }
+
     #[test]
     fn survives_a_restart_and_cleans_up_after_a_crash() {
         let root = tempfile::tempdir().unwrap();
-        let (storage, none) = Storage::open(root.path()).unwrap();
+        let (storage, none) = start(root.path());
         assert!(none.is_empty());
         let first = manifest("aa", "aacc");
         storage.store(&receive(&storage), &first).unwrap();
@@ -299,23 +376,35 @@ mod tests {
         receive(&storage);
         fs::write(root.path().join("datasets/bb.1234.part"), b"{").unwrap();
         fs::create_dir(root.path().join("blobs/bbcc")).unwrap();
-        let (storage, found) = Storage::open(root.path()).unwrap();
+        let (storage, found) = start(root.path());
         assert_eq!(found, std::slice::from_ref(&first));
         assert!(storage.main_file(&first).is_file());
         assert_eq!(fs::read_dir(storage.incoming()).unwrap().count(), 0);
         assert_eq!(fs::read_dir(root.path().join("blobs")).unwrap().count(), 1);
         storage.remove(&first).unwrap();
-        assert!(Storage::open(root.path()).unwrap().1.is_empty());
+        assert!(start(root.path()).1.is_empty());
     }
 
     #[test]
     fn a_damaged_manifest_destroys_nothing() {
         let root = tempfile::tempdir().unwrap();
-        let (storage, _) = Storage::open(root.path()).unwrap();
+        let (storage, _) = start(root.path());
         let hostile = Manifest { main_file: "../../x".into(), ..manifest("aa", "aacc") };
         storage.store(&receive(&storage), &hostile).unwrap();
-        let (_, found) = Storage::open(root.path()).unwrap();
+        storage.store(&receive(&storage), &manifest("bb", "bbcc")).unwrap();
+        fs::rename(root.path().join("datasets/bb.json"), root.path().join("datasets/dd.json")).unwrap();
+        let (_, found) = start(root.path());
         assert!(found.is_empty());
         assert!(root.path().join("blobs/aacc/a.nrrd").is_file());
+    }
+
+    #[test]
+    fn a_directory_has_one_user() {
+        let root = tempfile::tempdir().unwrap();
+        let first = Storage::lock(root.path()).unwrap();
+        let second = File::create(root.path().join("lock")).unwrap();
+        assert!(second.try_lock().is_err(), "the first one holds it");
+        drop(first);
+        Storage::lock(root.path()).unwrap();
     }
 }

@@ -42,7 +42,7 @@ pub async fn list(State(app): State<Arc<App>>) -> Answer<JsonAnswer<Vec<Environm
     )
 )]
 pub async fn put(State(app): State<Arc<App>>, Path(name): Path<String>, body: Body) -> Answer<Response> {
-    let Ok(_permit) = app.uploads.try_acquire() else {
+    let Ok(_permit) = app.receiving.try_acquire() else {
         return Err(Fault::busy("Other uploads are being received (`limits.max_uploads`)."));
     };
     let most = app.config().limits.max_environment_bytes;

@@ -13,6 +13,8 @@ mod returning;
 mod security;
 mod sessions;
 mod support;
+mod tus;
+mod tus_refusals;
 mod uploads;
 mod viewer_edits;
 mod viewer_frames;

@@ -5,10 +5,12 @@ use std::time::{Duration, Instant};
 
 use axum::body::{Body, to_bytes};
 use axum::http::{HeaderMap, Method, Request, StatusCode, header};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD as BASE64;
 use futures_util::{SinkExt, StreamExt};
 use proto::control::{ClientMessage, ServerMessage};
 use proto::frame::{FLAG_FINAL, FRAME_HEADER_BYTES, FrameHeader};
-use proto::rest::{Problem, Session};
+use proto::rest::{Problem, Session, Upload, UploadState};
 use proto::scene_file::Camera;
 use render::{AdapterPolicy, Gpu};
 use serde_json::{Value, json};
@@ -26,6 +28,11 @@ const MAX_BODY: usize = 64 << 20;
 pub const SOON: Duration = Duration::from_secs(60);
 /// Longest life of a viewer: a stream of events that never ends fails, too.
 const VIEWER_LIFE: Duration = Duration::from_secs(300);
+
+/// Where uploads begin.
+pub const UPLOADS: &str = "/api/v1/uploads";
+/// Type of a body that brings bytes.
+pub const BYTES: (&str, &str) = ("content-type", "application/offset+octet-stream");
 
 static GPU: LazyLock<Arc<Gpu>> =
     LazyLock::new(|| Gpu::open(AdapterPolicy::Any).expect("tests need a device"));
@@ -130,6 +137,57 @@ impl Service {
         self.send(request).await
     }
 
+    /// A request below `/uploads` that speaks tus 1.0.0.
+    pub async fn tus(
+        &self,
+        method: &str,
+        path: &str,
+        headers: &[(&str, &str)],
+        body: impl Into<Body>,
+    ) -> Answer {
+        let uri = if path.starts_with('/') { path.to_owned() } else { format!("/api/v1/uploads/{path}") };
+        let mut request = Request::builder().method(method).uri(uri).header("tus-resumable", "1.0.0");
+        for (name, value) in headers {
+            request = request.header(*name, *value);
+        }
+        self.send(request.body(body.into()).unwrap()).await
+    }
+
+    /// Begins an upload of a file; its address.
+    pub async fn begin(&self, name: &str, length: usize) -> String {
+        let metadata = format!("filename {}", BASE64.encode(name));
+        let length = length.to_string();
+        let headers = [("upload-length", length.as_str()), ("upload-metadata", &metadata)];
+        let answer = self.tus("POST", UPLOADS, &headers, Body::empty()).await;
+        assert_eq!(answer.status, StatusCode::CREATED, "{}", String::from_utf8_lossy(&answer.body));
+        answer.headers[header::LOCATION].to_str().unwrap().to_owned()
+    }
+
+    /// Sends bytes of an upload from an offset.
+    pub async fn append(&self, upload: &str, offset: usize, body: impl Into<Body>) -> Answer {
+        let offset = offset.to_string();
+        self.tus("PATCH", upload, &[BYTES, ("upload-offset", &offset)], body).await
+    }
+
+    /// What is safe of an upload.
+    pub async fn offset(&self, upload: &str) -> usize {
+        let answer = self.tus("HEAD", upload, &[], Body::empty()).await.ok();
+        answer.headers["upload-offset"].to_str().unwrap().parse().unwrap()
+    }
+
+    /// What came of a complete upload.
+    pub async fn outcome(&self, upload: &str) -> Upload {
+        for _ in 0..1000 {
+            let answer = self.tus("GET", upload, &[], Body::empty()).await.ok();
+            let upload: Upload = serde_json::from_slice(&answer.body).unwrap();
+            if upload.state != UploadState::Reading {
+                return upload;
+            }
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
+        panic!("the upload is still being read");
+    }
+
     /// Opens a session on a small lit volume.
     pub async fn session(&self) -> Session {
         let answer = self.json(Method::POST, "/sessions", json!({"scene": small_scene()})).await;
@@ -140,7 +198,7 @@ impl Service {
     /// Names of everything below the data directory that belongs to datasets.
     pub fn stored_files(&self) -> Vec<String> {
         let mut found = Vec::new();
-        for part in ["datasets", "blobs", "incoming"] {
+        for part in ["datasets", "blobs", "incoming", "uploads"] {
             let entries = std::fs::read_dir(self.folder.path().join("data").join(part)).unwrap();
             found.extend(entries.map(|e| format!("{part}/{}", e.unwrap().file_name().to_string_lossy())));
         }

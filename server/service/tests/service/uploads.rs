@@ -264,7 +264,7 @@ async fn an_upload_that_breaks_off_leaves_nothing() {
 }
 
 /// Folders that were not stored are removed in the background.
-async fn wait_until_stored(service: &Service, files: usize) {
+pub async fn wait_until_stored(service: &Service, files: usize) {
     for _ in 0..500 {
         if service.stored_files().len() == files {
             return;
@@ -275,7 +275,7 @@ async fn wait_until_stored(service: &Service, files: usize) {
 }
 
 /// A DICOM slice of 4 x 3 pixels that names its patient.
-fn slice(series: &str, z: i32) -> Vec<u8> {
+pub fn slice(series: &str, z: i32) -> Vec<u8> {
     let mut bytes = vec![0; 128];
     bytes.extend(b"DICM");
     let mut element = |group: u16, number: u16, representation: &str, value: &[u8]| {
