@@ -142,6 +142,15 @@ impl Gpu {
         polled.map(|_| ()).map_err(|error| RenderError::Gpu(error.to_string()))
     }
 
+    /// Loses the device, as a driver may at any time: whatever it held is gone. For tests of what
+    /// follows.
+    pub fn lose(&self) {
+        self.device.destroy();
+        let lost = RenderError::DeviceLost("given up on request".into());
+        let mut slot = self.error.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        slot.get_or_insert(lost);
+    }
+
     /// The first error reported since the last call.
     pub(crate) fn take_error(&self) -> Result<(), RenderError> {
         let mut slot = self.error.lock().unwrap_or_else(std::sync::PoisonError::into_inner);

@@ -91,12 +91,7 @@ impl Environments {
         if let Some(known) = self.stored.lock().get(&id) {
             return Ok((known.clone(), true));
         }
-        let failed = |error: io::Error| match error.kind() {
-            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
-                Fault::storage_full("The disk of the service is full.")
-            }
-            _ => Fault::internal("storing an environment", &error),
-        };
+        let failed = |error: io::Error| Fault::disk("storing an environment", &error);
         if self.stored.lock().len() >= self.most {
             let most = self.most;
             return Err(Fault::storage_full(format!(

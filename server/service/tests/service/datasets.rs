@@ -118,9 +118,7 @@ async fn a_session_keeps_its_volume_when_the_dataset_is_deleted() {
 async fn a_restart_keeps_datasets() {
     let service = Service::new();
     let before = service.put("/datasets/ball.nrrd", nrrd(0)).await.ok().json();
-    let Service { app, folder } = service;
-    drop(app);
-    let service = Service::in_folder(folder, |_| {});
+    let service = service.restarted().await;
     let id = before["id"].as_str().unwrap();
     assert_eq!(service.get(&format!("/datasets/{id}")).await.ok().json(), before);
     service.get(&format!("/datasets/{id}/histogram")).await.ok();

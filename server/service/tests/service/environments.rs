@@ -70,9 +70,7 @@ async fn an_uploaded_environment_shines_as_its_texels_say() {
 
     // It is there after a restart, and the session that names it is, too.
     let session = service.json(Method::POST, "/sessions", json!({"scene": lit_by(id)})).await.ok().json();
-    let Service { app, folder } = service;
-    app.sessions().store().close();
-    drop(app);
+    let folder = service.stopped().await;
     std::fs::write(folder.path().join("data/environments/0123.image"), b"left by a crash").unwrap();
     let service = Service::in_folder(folder, |_| {});
     assert!(!service.folder.path().join("data/environments/0123.image").exists());

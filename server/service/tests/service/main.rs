@@ -5,6 +5,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod datasets;
+mod endurance;
 mod environments;
 mod links;
 mod operations;

@@ -180,14 +180,6 @@ async fn watchers_look_and_change_nothing() {
     assert_eq!(watcher.viewer.message_of(scene).await, 2.0);
 }
 
-/// The same data directory, as if the process had been started again.
-fn restarted(service: Service) -> Service {
-    let Service { app, folder } = service;
-    app.sessions().store().close();
-    drop(app);
-    Service::in_folder(folder, |_| {})
-}
-
 #[tokio::test]
 async fn sessions_come_back_after_a_restart() {
     let service = Service::new();
@@ -198,7 +190,7 @@ async fn sessions_come_back_after_a_restart() {
     let other = service.session().await;
     service.delete(&format!("/sessions/{}", other.id)).await.ok();
 
-    let service = restarted(service);
+    let service = service.restarted().await;
     let listed = service.get("/sessions").await.ok().json();
     assert_eq!(listed.as_array().unwrap().len(), 1, "what was deleted stays deleted: {listed}");
     assert_eq!(listed[0]["id"], json!(session.id));
@@ -217,7 +209,9 @@ async fn sessions_come_back_after_a_restart() {
     assert_eq!(again["created_unix_millis"], edited["created_unix_millis"]);
 
     service.delete(&path).await.ok();
-    let service = restarted(service);
+    drop(viewer);
+    listening.stopped().await;
+    let service = service.restarted().await;
     service.get(&path).await.problem(404);
 }
 
@@ -279,7 +273,7 @@ async fn a_session_whose_volume_is_gone_says_so() {
     let id = service.put("/datasets/ball.nrrd", crate::support::nrrd(0)).await.ok().json()["id"].clone();
     let session = service.json(Method::POST, "/sessions", json!({"dataset": id})).await.ok().json();
     service.delete(&format!("/datasets/{}", id.as_str().unwrap())).await.ok();
-    let service = restarted(service);
+    let service = service.restarted().await;
     let gone = service.get(&format!("/sessions/{}", session["id"].as_str().unwrap())).await.problem(404);
     assert!(gone.detail.contains("no longer there"), "{}", gone.detail);
 }

@@ -81,12 +81,38 @@ impl Service {
         Self::in_folder(tempfile::tempdir().unwrap(), adjust)
     }
 
+    /// On a device of its own.
+    pub fn on(gpu: Arc<Gpu>) -> Self {
+        Self::started(tempfile::tempdir().unwrap(), |_| {}, gpu)
+    }
+
     pub fn in_folder(folder: TempDir, adjust: impl FnOnce(&mut Config)) -> Self {
+        Self::started(folder, adjust, GPU.clone())
+    }
+
+    fn started(folder: TempDir, adjust: impl FnOnce(&mut Config), gpu: Arc<Gpu>) -> Self {
         let _ = tracing_subscriber::fmt().with_test_writer().with_env_filter("service=debug").try_init();
         let mut config = Config { data: folder.path().join("data"), ..Config::default() };
         adjust(&mut config);
-        let app = App::open(config, GPU.clone()).unwrap();
+        let app = App::open(config, gpu).unwrap();
         Self { app, folder }
+    }
+
+    /// Another service on the same data directory, as after the process has ended. Whatever else
+    /// holds this one must let go of it soon.
+    pub async fn restarted(self) -> Self {
+        Self::in_folder(self.stopped().await, |_| {})
+    }
+
+    /// The data directory of a service that has ended.
+    pub async fn stopped(self) -> TempDir {
+        let Self { app, folder } = self;
+        let deadline = Instant::now() + SOON;
+        while Arc::strong_count(&app) > 1 {
+            assert!(Instant::now() < deadline, "somebody holds on to the service");
+            tokio::time::sleep(Duration::from_millis(5)).await;
+        }
+        folder
     }
 
     pub async fn send(&self, request: Request<Body>) -> Answer {
@@ -224,6 +250,12 @@ pub struct Listening {
 }
 
 impl Listening {
+    /// Ends the server; connections are closed.
+    pub async fn stopped(self) {
+        self.stop.cancel();
+        self.server.await.unwrap().unwrap();
+    }
+
     pub fn view_url(&self, session: &str) -> String {
         format!("ws://{}/api/v1/sessions/{session}/view", self.address)
     }

@@ -207,8 +207,7 @@ async fn an_upload_goes_on_after_a_restart() {
     let file = nrrd(0);
     let upload = service.begin("a.nrrd", file.len()).await;
     service.append(&upload, 0, file[..1000].to_vec()).await.ok();
-    let Service { app, folder } = service;
-    drop(app);
+    let folder = service.stopped().await;
     // What a crash may leave: bytes that nobody was told are safe, and half-made files.
     let id = upload.rsplit('/').next().unwrap();
     let place = |name: &str| folder.path().join("data/uploads").join(name);
@@ -227,9 +226,7 @@ async fn an_upload_goes_on_after_a_restart() {
     let outcome = service.outcome(&upload).await;
     assert_eq!(outcome.state, UploadState::Stored, "{outcome:?}");
     // How it ended is known after another one.
-    let Service { app, folder } = service;
-    drop(app);
-    let service = Service::in_folder(folder, |_| {});
+    let service = service.restarted().await;
     assert_eq!(service.outcome(&upload).await, outcome);
 }
 

@@ -112,9 +112,7 @@ async fn slices_in_files_of_their_own_are_one_dataset_in_the_order_of_their_numb
     assert_eq!((again.status, again.json()), (StatusCode::OK, dataset));
 
     // Read again from what was stored, after the volumes in memory are gone.
-    let Service { app, folder } = service;
-    drop(app);
-    let service = Service::in_folder(folder, |_| {});
+    let service = service.restarted().await;
     let [of_slices, of_file] = [&id, &whole].map(|id| format!("/datasets/{id}/histogram"));
     let expected = service.get(&of_file).await.ok().json();
     // 2 and 10 would change places if names were sorted as text: other blocks would hold a value.
