@@ -207,6 +207,7 @@ pub fn app(state: Arc<App>) -> Router {
         .layer(from_fn_with_state(state.clone(), uploads::speak));
     Router::new()
         .nest("/api/v1", api)
+        .merge(openapi::browsable())
         .route("/metrics", get(metrics::metrics))
         .route("/healthz", get(metrics::healthy))
         .route("/readyz", get(metrics::ready))

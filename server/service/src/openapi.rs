@@ -9,6 +9,7 @@ use axum::routing::get;
 use utoipa::OpenApi;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
+use utoipa_swagger_ui::{Config, SwaggerUi};
 
 use crate::App;
 use crate::{datasets, environments, sessions, viewer};
@@ -67,6 +68,11 @@ pub fn api() -> OpenApiRouter<Arc<App>> {
         .routes(routes!(sessions::stills::snapshot))
         .routes(routes!(sessions::stills::preview))
         .routes(routes!(viewer::view))
+}
+
+/// The document for people: every route with its types, to be tried out.
+pub fn browsable() -> SwaggerUi {
+    SwaggerUi::new("/api/docs").config(Config::from("/api/v1/openapi.json"))
 }
 
 /// Serves the document.

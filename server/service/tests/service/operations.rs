@@ -67,6 +67,20 @@ async fn health_is_told() {
     root(&service, "/healthz").await.ok();
 }
 
+#[tokio::test]
+async fn the_interface_has_a_page_of_its_own() {
+    let service = Service::new();
+    let page = root(&service, "/api/docs/").await.ok();
+    let text = String::from_utf8(page.body).unwrap();
+    for asset in ["swagger-ui.css", "swagger-ui-bundle.js", "swagger-initializer.js"] {
+        assert!(text.contains(asset), "{text}");
+        root(&service, &format!("/api/docs/{asset}")).await.ok();
+    }
+    let start = root(&service, "/api/docs/swagger-initializer.js").await.ok().body;
+    assert!(String::from_utf8(start).unwrap().contains("/api/v1/openapi.json"));
+    assert!(!text.contains("http://") && !text.contains("https://"), "everything comes from here: {text}");
+}
+
 /// Film and picture of a viewer, 256 x 192 pixels.
 const VIEW_BYTES: u64 = 256 * 192 * 20;
 

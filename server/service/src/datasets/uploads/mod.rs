@@ -3,8 +3,9 @@
 //!
 //! **What is acknowledged is safe.** Bytes count from when they were synced and the record ([`record`])
 //! that says so was, too: at the end of each request, however it ends, and between every
-//! [`SYNC_BYTES`] or [`SYNC_INTERVAL`], so that a crash costs a client little. A start cuts the data to what the record says, so a client is never told more than was
-//! synced, and bytes whose checksum nobody has looked at are not kept.
+//! [`SYNC_BYTES`] or [`SYNC_INTERVAL`], so that a crash costs a client little. A start cuts the data
+//! to what the record says, so a client is never told more than was synced, and bytes whose checksum
+//! nobody has looked at are not kept.
 //!
 //! **One writer.** A connection may be dead long before anybody notices. So whoever asks for an
 //! upload that is not complete ([`Upload::turn`]) takes it over: the request that holds it stops,
