@@ -3,12 +3,15 @@
 import { FileButton, NativeSelect, Select, Tooltip } from "@mantine/core";
 import { useState } from "react";
 import { explore, takeFiles, useDatasets } from "../datasets/store";
-import { methodChoices, shortcoming } from "../quality/methods";
+import type { Method } from "../generated/proto";
+import { chooseMethod, pictureOfScene } from "../lights/environments";
+import { labelOf, methodChoices, shortcoming } from "../quality/methods";
 import { session } from "../session/engine";
 import { useSession } from "../session/store";
 import { FieldNote, IconButton } from "./controls";
 import { copyShareLink, saveScene } from "./files";
 import { sayError } from "./say";
+import { saySideEffect } from "./sideEffect";
 import { isOpen, useUi } from "./uiStore";
 import { useTheme } from "./useTheme";
 
@@ -66,10 +69,20 @@ function DatasetSelect() {
   return <NativeSelect aria-label="Dataset" className="top-dataset" value={current?.id ?? ""} data={data} data-testid="dataset-select" onChange={(event) => void choose(event.currentTarget.value)} />;
 }
 
+/** Changes the method; what it cannot show is taken out in the same edit, and said. */
+function chooseAndSay(method: Method): void {
+  const { scene } = useSession.getState();
+  if (!scene) return;
+  const { patch, tookPicture } = chooseMethod(scene, method);
+  session.edit(patch);
+  if (tookPicture) saySideEffect("method", `${labelOf(method)} takes no environment picture: that light is uniform now.`, (now) => now.illumination.method === method && pictureOfScene(now) === null);
+}
+
 function MethodSelect() {
   const method = useSession((state) => state.scene?.illumination.method);
   const built = useSession((state) => state.status?.methods);
   const [choosing, setChoosing] = useState(false);
+  const sideEffect = useUi((ui) => (ui.sideEffect?.at === "method" ? ui.sideEffect.text : null));
   const lack = useSession((state) => (state.scene ? shortcoming(state.scene) : null));
   if (!method) return null;
   const choice = methodChoices.find((other) => other.method === method);
@@ -90,7 +103,7 @@ function MethodSelect() {
           onDropdownClose={() => setChoosing(false)}
           data-testid="method-select"
           data-method={method}
-          onChange={(next) => next && session.edit({ illumination: { method: next } })}
+          onChange={(next) => next && chooseAndSay(next)}
           renderOption={({ option }) => {
             const { gives, label } = methodChoices.find((other) => other.method === option.value) ?? { gives: "", label: option.label };
             return (
@@ -102,6 +115,7 @@ function MethodSelect() {
           }}
         />
       </Tooltip>
+      {sideEffect !== null && <span className="top-note" role="status" title={sideEffect} data-testid="method-side-effect">{sideEffect}</span>}
       {lack !== null && <span className="top-note" role="status" data-testid="method-note">{lack}</span>}
       <FieldNote fields={["illumination"]} />
     </>
