@@ -9,13 +9,13 @@ import { saySideEffect } from "../app/sideEffect";
 import { useUi } from "../app/uiStore";
 import type { Environment } from "../generated/proto";
 import { hexFromLinear } from "../scene/colour";
+import type { Triple } from "../scene/vec";
 import { session } from "../session/engine";
 import { useSession } from "../session/store";
 import {
   choosePicture, columnBehind, pictureOfScene, takesPictures, turnOf, withoutPicture, withTurn, wrapped, type EnvironmentLight,
 } from "./environments";
 import { refreshEnvironments, removeEnvironment, takeEnvironment, useEnvironments } from "./environmentStore";
-import { lightHue } from "./lights";
 
 /** Turn of an arrow key, degrees; Shift takes more. */
 const KEY_DEGREES = 2;
@@ -44,6 +44,9 @@ export function EnvironmentDetail({ light, index, onChange }: DetailProps) {
   );
 }
 
+/** As bright as the light is, up to white. */
+const uniformColour = ({ radiance, scale: strength = 1 }: EnvironmentLight): string => hexFromLinear((radiance ?? [strength, strength, strength]).map((x) => Math.min(1, x)) as Triple);
+
 /** Lights the scene by a picture, and says so where that changes the method. */
 function choose(index: number, image: string): void {
   const { scene, dataset } = useSession.getState();
@@ -68,7 +71,7 @@ function Tiles({ light, index, onChange }: DetailProps) {
   return (
     <>
       <div className="environment-tiles" role="group" aria-label="Light from all around" data-testid="environments">
-        <Tile name="Uniform" chosen={light.image === undefined} testId="environment-uniform" background={hexFromLinear(lightHue(light))} onChoose={() => light.image !== undefined && onChange(withoutPicture(light), "picture")} />
+        <Tile name="Uniform" chosen={light.image === undefined} testId="environment-uniform" background={uniformColour(light)} onChoose={() => light.image !== undefined && onChange(withoutPicture(light), "picture")} />
         {list?.map((environment) => (
           <Tile
             key={environment.id} name={environment.name} chosen={environment.id === light.image} testId={`environment-${environment.id}`} preview={environment.id}

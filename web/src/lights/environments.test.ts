@@ -54,6 +54,7 @@ describe("environment lights", () => {
     const y = withTurn(studio, 190, false);
     expect(y.rotation_degrees).toEqual([0, 170, 0]);
     expect(turnOf(y, false)).toBe(-170);
+    expect(withTurn(studio, -123.456, false).rotation_degrees).toEqual([0, 123.46, 0]);
     expect(withTurn({ ...studio, rotation_degrees: [90, 0, 0] }, 40, true).rotation_degrees).toEqual([90, 0, -40]);
   });
 

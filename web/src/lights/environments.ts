@@ -8,7 +8,7 @@
 
 import type { Camera, Light, Method, SceneFile } from "../generated/proto";
 import type { Patch } from "../scene/mergePatch";
-import { rounded, scale, sub, type Triple } from "../scene/vec";
+import { scale, sub, type Triple } from "../scene/vec";
 import { withIds } from "./lights";
 
 export type EnvironmentLight = Extract<Light, { type: "environment" }>;
@@ -75,7 +75,7 @@ export const turnOf = (light: EnvironmentLight, anatomical: boolean): number => 
 /** The light turned to the right by this much in all. */
 export function withTurn(light: EnvironmentLight, degrees: number, anatomical: boolean): EnvironmentLight {
   const rotation: Triple = [...(light.rotation_degrees ?? [0, 0, 0])];
-  rotation[uprightIndex(anatomical)] = rounded(wrapped(-degrees), 2);
+  rotation[uprightIndex(anatomical)] = Math.round(wrapped(-degrees) * 100) / 100;
   return { ...light, rotation_degrees: rotation };
 }
 
