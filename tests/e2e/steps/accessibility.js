@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import axe from "axe-core";
 import { SHORT_MILLIS } from "../lib/page.js";
 import { until } from "../lib/wait.js";
-import { sessionOf, step } from "../lib/world.js";
+import { sessionOf, step, world } from "../lib/world.js";
 
 /** A sample that is drawn quickly. */
 const SAMPLE = "smoke_plume";
@@ -31,7 +31,16 @@ const states = {
     await visitor.at("toggle-clip-handles").click();
     await visitor.at("toggle-windowing").click();
   },
-  statistics: (visitor) => visitor.at("status-line").click(),
+  "an environment picture": async (visitor) => {
+    await visitor.page.locator("[data-testid=lights] [data-type=environment] .light-name").click();
+    await visitor.at("environment-overcast").click();
+    await visitor.at("environment-strip").waitFor();
+  },
+  "links to share": (visitor) => visitor.at("share").click(),
+  statistics: async (visitor) => {
+    await visitor.key("Escape");
+    await visitor.at("status-line").click();
+  },
   "colour maps": async (visitor) => {
     await visitor.at("status-line").click();
     await visitor.at("tf-colours").click();
@@ -74,6 +83,20 @@ export function accessibilitySteps() {
       assert.deepEqual(visitor.complaints, []);
     });
   }
+
+  step("accessibility: the linter finds nothing where one watches", async (arrive) => {
+    const [, id] = (await sessionOf(SAMPLE)).split("=");
+    const { watch } = await world.server.json("GET", `sessions/${id}`);
+    const found = {};
+    for (const colorScheme of ["dark", "light"]) {
+      const visitor = await arrive({ hash: `#session=${watch}`, width: 1280, height: 900, colorScheme });
+      await visitor.at("watch-bar").waitFor();
+      await visitor.picture();
+      await visitor.page.evaluate(axe.source);
+      found[colorScheme] = await findings(visitor);
+    }
+    assert.deepEqual(found, { dark: [], light: [] });
+  });
 
   step("accessibility: the linter finds nothing on a telephone", async (arrive) => {
     const visitor = await arrive({ hash: await sessionOf(SAMPLE), width: 390, height: 800, hasTouch: true, colorScheme: "light" });

@@ -63,7 +63,7 @@ function ShareMenu() {
     { id: "scene", label: "Link to this scene", gives: "As it is now: whoever opens it has a session of their own.", copy: copySceneLink },
   ];
   return (
-    <Menu position="bottom-end" width={290} withinPortal>
+    <Menu position="bottom-end" width={345} withinPortal>
       <Menu.Target>
         <ActionIcon color="gray" disabled={!open} aria-label="Share" title="Share: links to this session and this scene" data-testid="share"><Icon name="share" /></ActionIcon>
       </Menu.Target>

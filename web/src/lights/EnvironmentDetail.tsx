@@ -45,7 +45,7 @@ export function EnvironmentDetail({ light, index, onChange }: DetailProps) {
 }
 
 /** As bright as the light is, up to white. */
-const uniformColour = ({ radiance, scale: strength = 1 }: EnvironmentLight): string => hexFromLinear((radiance ?? [strength, strength, strength]).map((x) => Math.min(1, x)) as Triple);
+const uniformColour = ({ radiance = [1, 1, 1] }: EnvironmentLight): string => hexFromLinear(radiance.map((x) => Math.min(1, x)) as Triple);
 
 /** Lights the scene by a picture, and says so where that changes the method. */
 function choose(index: number, image: string): void {
@@ -71,7 +71,7 @@ function Tiles({ light, index, onChange }: DetailProps) {
   return (
     <>
       <div className="environment-tiles" role="group" aria-label="Light from all around" data-testid="environments">
-        <Tile name="Uniform" chosen={light.image === undefined} testId="environment-uniform" background={uniformColour(light)} onChoose={() => light.image !== undefined && onChange(withoutPicture(light), "picture")} />
+        <Tile name="Uniform" chosen={light.image === undefined} testId="environment-uniform" background={uniformColour(withoutPicture(light))} onChoose={() => light.image !== undefined && onChange(withoutPicture(light), "picture")} />
         {list?.map((environment) => (
           <Tile
             key={environment.id} name={environment.name} chosen={environment.id === light.image} testId={`environment-${environment.id}`} preview={environment.id}
@@ -184,7 +184,7 @@ function Strip({ light, image, onChange }: { light: EnvironmentLight; image: str
         <span className="environment-around" style={{ backgroundImage: `url("${environmentPreviewUrl(image)}")`, transform: `translateX(${-50 * shift}%)` }} />
       </div>
       <Row label="Turn" hint="Degrees to the right; drag the strip, or use arrow keys on it">
-        <NumberField label="Turn" value={turn} min={-360} max={360} step={1} digits={2} testId="light-turn" onChange={(degrees) => turnTo(wrapped(degrees))} />
+        <NumberField label="Turn" value={turn} min={-360} max={360} step={1} digits={5} suffix="°" testId="light-turn" onChange={(degrees) => turnTo(wrapped(degrees))} />
       </Row>
     </>
   );

@@ -35,7 +35,7 @@ describe("environment lights", () => {
     const { patch, tookPicture } = chooseMethod(scene, "local");
     expect(tookPicture).toBe(true);
     const after = applyPatch<SceneFile>(scene, patch);
-    expect(after.lights[1]).toEqual({ type: "environment", id: "room", enabled: true, radiance: [0.7, 0.7, 0.7] });
+    expect(after.lights[1]).toEqual({ type: "environment", id: "room", enabled: true, radiance: [0.378, 0.378, 0.378] });
     expect(pictureOfScene(after)).toBeNull();
     expect(chooseMethod(scene, "photon_map")).toEqual({ patch: { illumination: { method: "photon_map" } }, tookPicture: false });
     expect(chooseMethod(lit("path_traced", room), "local")).toEqual({ patch: { illumination: { method: "local" } }, tookPicture: false });

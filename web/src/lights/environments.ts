@@ -8,7 +8,7 @@
 
 import type { Camera, Light, Method, SceneFile } from "../generated/proto";
 import type { Patch } from "../scene/mergePatch";
-import { scale, sub, type Triple } from "../scene/vec";
+import { rounded, scale, sub, type Triple } from "../scene/vec";
 import { withIds } from "./lights";
 
 export type EnvironmentLight = Extract<Light, { type: "environment" }>;
@@ -18,6 +18,11 @@ const WITHOUT_PICTURES: readonly Method[] = ["local"];
 const WITH_PICTURES: Method = "path_traced";
 
 const WHITE: Triple = [1, 1, 1];
+/**
+ * Mean radiance of a picture at scale 1, where nothing else is known: that of the service's own pictures
+ * (studio 0.58, clear sky 0.54, overcast 0.50; mean of the channels over all directions).
+ */
+const MEAN_RADIANCE = 0.54;
 /** Stands a picture of a scene with anatomical axes upright: its +y becomes the world's +z. */
 const STAND_UP_DEGREES = 90;
 
@@ -39,9 +44,9 @@ export function withPicture(light: EnvironmentLight, image: string, anatomical: 
   return { ...common(light), image, scale: 1, ...(anatomical ? { rotation_degrees: [STAND_UP_DEGREES, 0, 0] as Triple } : {}) };
 }
 
-/** The light without its picture: white from everywhere, of the same strength. */
+/** The light without its picture: white from everywhere, about as much light in all. */
 export const withoutPicture = (light: EnvironmentLight): EnvironmentLight =>
-  light.image === undefined ? light : { ...common(light), radiance: scale(WHITE, light.scale ?? 1) };
+  light.image === undefined ? light : { ...common(light), radiance: scale(WHITE, rounded(MEAN_RADIANCE * (light.scale ?? 1))) };
 
 /** A picture for light `index`; a method that refuses pictures gives way in the same edit. */
 export function choosePicture({ illumination, lights }: Lit, index: number, image: string, anatomical: boolean): { patch: Patch; switched: boolean } {
