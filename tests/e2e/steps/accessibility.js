@@ -6,6 +6,8 @@ import { sessionOf, step, world } from "../lib/world.js";
 
 /** A sample that is drawn quickly. */
 const SAMPLE = "smoke_plume";
+/** What opens fades in, milliseconds: half-seen text would have too little contrast. */
+const FADE_MILLIS = 400;
 /** WCAG 2.2 up to level AA, and what axe calls best practice. */
 const RULES = {
   runOnly: ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"],
@@ -74,8 +76,7 @@ export function accessibilitySteps() {
       const found = {};
       for (const [state, open] of Object.entries(states)) {
         await open(visitor);
-        // What opens fades in: half-seen text would have too little contrast.
-        await visitor.page.waitForTimeout(400);
+        await visitor.page.waitForTimeout(FADE_MILLIS);
         const here = await findings(visitor);
         if (here.length > 0) found[state] = here;
       }
@@ -105,6 +106,7 @@ export function accessibilitySteps() {
     const found = { page: await findings(visitor) };
     for (const side of ["left", "right"]) {
       await visitor.at(`toggle-${side}`).click();
+      await visitor.page.waitForTimeout(FADE_MILLIS);
       found[side] = await findings(visitor);
     }
     assert.deepEqual(found, { page: [], left: [], right: [] });
