@@ -59,8 +59,8 @@ function ShareMenu() {
   const open = useSession((state) => state.link === "open" && state.scene !== null);
   const links = [
     ...(watching ? [] : [{ id: "session", label: "Link to this session", gives: "Others edit with you; each has a view of their own.", copy: copySessionLink }]),
-    { id: "watch", label: "Link for watching", gives: "Others see every edit and turn the view; they cannot edit.", copy: () => copyWatchLink() },
-    { id: "scene", label: "Link to this scene", gives: "As it is now: whoever opens it has a session of their own.", copy: copySceneLink },
+    { id: "watch", label: "Link for watching", gives: "Others see every edit, in a view of their own.", copy: () => copyWatchLink() },
+    { id: "scene", label: "Link to this scene", gives: "As it is now; it opens as a session of its own.", copy: copySceneLink },
   ];
   return (
     <Menu position="bottom-end" width={345} withinPortal>
