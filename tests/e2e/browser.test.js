@@ -7,6 +7,7 @@ import { world } from "./lib/world.js";
 import { accessibilitySteps } from "./steps/accessibility.js";
 import { cameraSteps } from "./steps/camera.js";
 import { curveSteps } from "./steps/curve.js";
+import { environmentSteps } from "./steps/environments.js";
 import { firstVisitSteps } from "./steps/first-visit.js";
 import { gallerySteps } from "./steps/gallery.js";
 import { handleSteps } from "./steps/handles.js";
@@ -21,6 +22,7 @@ import { stillSteps } from "./steps/still.js";
 import { touchSteps } from "./steps/touch.js";
 import { transferSteps } from "./steps/transfer-function.js";
 import { uploadSteps } from "./steps/uploads.js";
+import { watchingSteps } from "./steps/watching.js";
 
 describe("the page in a real browser", () => {
   before(async () => {
@@ -38,6 +40,7 @@ describe("the page in a real browser", () => {
   transferSteps();
   curveSteps();
   lightSteps();
+  environmentSteps();
   handleSteps();
   touchSteps();
   modeSteps();
@@ -45,6 +48,7 @@ describe("the page in a real browser", () => {
   returnSteps();
   stillSteps();
   gallerySteps();
+  watchingSteps();
   restartSteps();
   journeySteps();
   layoutSteps();

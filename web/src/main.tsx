@@ -8,6 +8,7 @@ import "./app/tokens.css";
 import "./app/mantine.css";
 import "./app/app.css";
 import "./app/panels.css";
+import "./app/environments.css";
 import "./app/overlay.css";
 import "./app/lists.css";
 import { App, start } from "./app/App";

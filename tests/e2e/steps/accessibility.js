@@ -2,10 +2,12 @@ import assert from "node:assert/strict";
 import axe from "axe-core";
 import { SHORT_MILLIS } from "../lib/page.js";
 import { until } from "../lib/wait.js";
-import { sessionOf, step } from "../lib/world.js";
+import { sessionOf, step, world } from "../lib/world.js";
 
 /** A sample that is drawn quickly. */
 const SAMPLE = "smoke_plume";
+/** What opens fades in, milliseconds: half-seen text would have too little contrast. */
+const FADE_MILLIS = 400;
 /** WCAG 2.2 up to level AA, and what axe calls best practice. */
 const RULES = {
   runOnly: ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"],
@@ -31,7 +33,16 @@ const states = {
     await visitor.at("toggle-clip-handles").click();
     await visitor.at("toggle-windowing").click();
   },
-  statistics: (visitor) => visitor.at("status-line").click(),
+  "an environment picture": async (visitor) => {
+    await visitor.page.locator("[data-testid=lights] [data-type=environment] .light-name").click();
+    await visitor.at("environment-overcast").click();
+    await visitor.at("environment-strip").waitFor();
+  },
+  "links to share": (visitor) => visitor.at("share").click(),
+  statistics: async (visitor) => {
+    await visitor.key("Escape");
+    await visitor.at("status-line").click();
+  },
   "colour maps": async (visitor) => {
     await visitor.at("status-line").click();
     await visitor.at("tf-colours").click();
@@ -65,8 +76,7 @@ export function accessibilitySteps() {
       const found = {};
       for (const [state, open] of Object.entries(states)) {
         await open(visitor);
-        // What opens fades in: half-seen text would have too little contrast.
-        await visitor.page.waitForTimeout(400);
+        await visitor.page.waitForTimeout(FADE_MILLIS);
         const here = await findings(visitor);
         if (here.length > 0) found[state] = here;
       }
@@ -75,6 +85,20 @@ export function accessibilitySteps() {
     });
   }
 
+  step("accessibility: the linter finds nothing where one watches", async (arrive) => {
+    const [, id] = (await sessionOf(SAMPLE)).split("=");
+    const { watch } = await world.server.json("GET", `sessions/${id}`);
+    const found = {};
+    for (const colorScheme of ["dark", "light"]) {
+      const visitor = await arrive({ hash: `#session=${watch}`, width: 1280, height: 900, colorScheme });
+      await visitor.at("watch-bar").waitFor();
+      await visitor.picture();
+      await visitor.page.evaluate(axe.source);
+      found[colorScheme] = await findings(visitor);
+    }
+    assert.deepEqual(found, { dark: [], light: [] });
+  });
+
   step("accessibility: the linter finds nothing on a telephone", async (arrive) => {
     const visitor = await arrive({ hash: await sessionOf(SAMPLE), width: 390, height: 800, hasTouch: true, colorScheme: "light" });
     await visitor.picture();
@@ -82,6 +106,7 @@ export function accessibilitySteps() {
     const found = { page: await findings(visitor) };
     for (const side of ["left", "right"]) {
       await visitor.at(`toggle-${side}`).click();
+      await visitor.page.waitForTimeout(FADE_MILLIS);
       found[side] = await findings(visitor);
     }
     assert.deepEqual(found, { page: [], left: [], right: [] });

@@ -18,7 +18,12 @@ export function gallerySteps() {
     await guest.key("g");
     const tile = guest.at(`session-${letter}`);
     await tile.waitFor();
-    assert.match(await tile.innerText(), /letter[\s\S]*1 viewer/);
+    assert.match(await tile.innerText(), /letter[\s\S]*used just now[\s\S]*1 viewer/);
+    await guest.context.grantPermissions(["clipboard-read", "clipboard-write"]);
+    await tile.getByTestId("session-watch").click();
+    await guest.page.getByText("Link copied").waitFor();
+    const link = await guest.page.evaluate(() => navigator.clipboard.readText());
+    assert.ok(link.startsWith(`${guest.origin}/#session=`) && !link.includes(letter), link);
     assert.equal(await guest.data(`session-${ball}`, "mine"), "true");
     await until("its picture", FINAL_MILLIS, async () => (await tile.locator(".gallery-picture").getAttribute("data-drawn")) === "true");
     await guest.opening(() => tile.getByTestId("session-join").click());

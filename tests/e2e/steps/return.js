@@ -25,6 +25,7 @@ export function returnSteps() {
 
     await visitor.context.grantPermissions(["clipboard-read", "clipboard-write"]);
     await visitor.at("share").click();
+    await visitor.at("share-scene").click();
     await visitor.page.getByText("Link copied").waitFor();
     const link = await visitor.page.evaluate(() => navigator.clipboard.readText());
     assert.ok(link.startsWith(`${visitor.origin}/#scene=`), link);

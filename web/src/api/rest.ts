@@ -1,6 +1,6 @@
 /** The REST side of the service. Every failure is a `ProblemError` that says in words what happened. */
 
-import type { CreateSession, Dataset, Histogram, PreviewRequest, Probe, ProbeRequest, Problem, RegionHistogram, Session, Status, Upload } from "../generated/proto";
+import type { CreateSession, Dataset, Environment, Histogram, PreviewRequest, Probe, ProbeRequest, Problem, RegionHistogram, Session, Status, Upload } from "../generated/proto";
 
 const BASE = "/api/v1";
 
@@ -64,6 +64,19 @@ export const uploadsUrl = `${BASE}/uploads`;
 export const getSession = (id: string): Promise<Session> => getJson(`/sessions/${segment(id)}`);
 
 export const getSessions = (): Promise<Session[]> => getJson("/sessions");
+
+export const getEnvironments = (): Promise<Environment[]> => getJson("/environments");
+/** Address of a small picture, twice as wide as high. */
+export const environmentPreviewUrl = (id: string): string => `${BASE}/environments/${segment(id)}/preview`;
+
+/** Stores a picture of light. */
+export async function putEnvironment(name: string, file: Blob): Promise<Environment> {
+  return (await (await send(`/environments/${segment(name)}`, { method: "PUT", body: file })).json()) as Environment;
+}
+
+export async function deleteEnvironment(id: string): Promise<void> {
+  await send(`/environments/${segment(id)}`, { method: "DELETE" });
+}
 
 /** Ends a session for everybody in it. */
 export async function deleteSession(id: string): Promise<void> {

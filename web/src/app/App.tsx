@@ -21,6 +21,7 @@ import { handleKey } from "./keyboard";
 import { sayError } from "./say";
 import { TopBar } from "./TopBar";
 import { isOpen, useUi } from "./uiStore";
+import { WatchBar } from "./WatchBar";
 
 /** Members of the scene whose refused edits are shown in a panel; all others become a message. */
 const SHOWN_IN_PLACE = /^(transfer_function|value_range|density|materials|lights|clip|sampling|film|background|volume|scattering|illumination|rendering)/;
@@ -52,6 +53,7 @@ export function App() {
   return (
     <div className="page" data-left={left} data-right={right}>
       <TopBar />
+      <WatchBar />
       {left && <aside className="panel panel-left" aria-label="Datasets" data-testid="panel-left"><DatasetsPanel /></aside>}
       <main className="stage" data-statistics={statistics}>
         <Viewport />

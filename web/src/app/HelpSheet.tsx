@@ -18,6 +18,7 @@ const pointer: Rows = [
 const handles: Rows = [
   ["Drag", "Pull a face or plane, move or aim the light"],
   ["Shift drag", "The light: nearer and farther"],
+  ["Strip of an environment", "Drag sideways, or arrow keys: turns it; Shift for more, Home back"],
   ["Tab, arrow keys", "From handle to handle; moves it, Shift for ten times"],
 ];
 

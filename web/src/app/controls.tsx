@@ -5,12 +5,15 @@ import { useEffect, useId, useRef, useState, type ReactNode } from "react";
 import { hexFromLinear, linearFromHex } from "../scene/colour";
 import { rounded, type Triple } from "../scene/vec";
 import { session } from "../session/engine";
-import { useSession } from "../session/store";
+import { isWatching, useSession } from "../session/store";
 import { rootOf } from "../session/words";
 import { Icon, type IconName } from "./Icon";
 import { useUi, type SectionId } from "./uiStore";
 
-/** A part of a side panel that folds. Refused edits of the scene members in `fields` are shown in it. */
+/** Sections that are not about the scene: those who watch use them, too. */
+const NOT_OF_THE_SCENE: readonly SectionId[] = ["samples", "mine"];
+
+/** A part of a side panel that folds; those who watch can read and not change it. Refused edits of the scene members in `fields` are shown in it. */
 export function Section({ id, title, fields = [], actions, children }: {
   id: SectionId;
   title: string;
@@ -20,6 +23,7 @@ export function Section({ id, title, fields = [], actions, children }: {
 }) {
   const open = useUi((ui) => !ui.closedSections.includes(id));
   const toggle = useUi((ui) => ui.toggleSection);
+  const locked = useSession(isWatching) && !NOT_OF_THE_SCENE.includes(id);
   const body = useId();
   return (
     <section className="section" data-testid={`section-${id}`} data-open={open}>
@@ -28,10 +32,10 @@ export function Section({ id, title, fields = [], actions, children }: {
           <Icon name="chevron" size={12} />
           {title}
         </button>
-        {open && actions}
+        {open && !locked && actions}
       </header>
       <FieldNote fields={fields} />
-      {open && <div className="section-body" id={body}>{children}</div>}
+      {open && <div className="section-body" id={body} inert={locked}>{children}</div>}
     </section>
   );
 }

@@ -2,6 +2,7 @@
 
 import { stepSlice } from "../quality/slicing";
 import { session } from "../session/engine";
+import { isWatching, useSession } from "../session/store";
 import { pivotAtMiddle, toggleMeasuring } from "../viewport/probing";
 import { moveWindow, toggleWindowing, useWindowing } from "../viewport/windowing";
 import { lookAtNumber, resetView, toggleFullScreen, turn, zoomStep } from "../viewport/actions";
@@ -15,6 +16,8 @@ interface Binding {
   shift?: boolean;
   shown: string;
   does: string;
+  /** Of no use to those who watch. */
+  edits?: true;
   run: (key: string) => void;
 }
 
@@ -38,17 +41,17 @@ export const bindings: readonly Binding[] = [
   { keys: ["+", "="], shown: "+", does: "Nearer", run: () => zoomStep(1) },
   { keys: ["-", "_"], shown: "−", does: "Farther", run: () => zoomStep(-1) },
   { keys: ["1", "2", "3", "4", "5", "6"], shown: "1 – 6", does: "Front, back, left, right, top, bottom", run: (key) => lookAtNumber(Number(key)) },
-  { keys: ["PageUp"], shown: "Page ↑", does: "Next slice, where one is shown", run: () => stepSlice(1) },
-  { keys: ["PageDown"], shown: "Page ↓", does: "Slice before", run: () => stepSlice(-1) },
+  { edits: true, keys: ["PageUp"], shown: "Page ↑", does: "Next slice, where one is shown", run: () => stepSlice(1) },
+  { edits: true, keys: ["PageDown"], shown: "Page ↓", does: "Slice before", run: () => stepSlice(-1) },
   { keys: ["r"], shown: "R", does: "Back to the starting view", run: resetView },
   { keys: ["p"], shown: "P", does: "Pivot on what is in the middle", run: () => void pivotAtMiddle() },
   { keys: ["f"], shown: "F", does: "Full screen", run: () => void toggleFullScreen().catch(sayError) },
   { keys: ["s"], shown: "S", does: "Save a still as PNG", run: () => void saveStill() },
   { keys: ["m"], shown: "M", does: "Measure a distance: press two places", run: toggleMeasuring },
-  { keys: ["w"], shown: "W", does: "Window and level: drag in the picture, or arrow keys", run: toggleWindowing },
-  { keys: ["c"], shown: "C", does: "Handles of the clip box and planes", run: () => void useUi.setState((ui) => ({ clipHandles: !ui.clipHandles })) },
-  { keys: ["z"], shift: false, shown: "Z or Ctrl Z", does: "Undo", run: () => session.undo() },
-  { keys: ["z"], shift: true, shown: "Shift Z or Ctrl Shift Z", does: "Redo", run: () => session.redo() },
+  { edits: true, keys: ["w"], shown: "W", does: "Window and level: drag in the picture, or arrow keys", run: toggleWindowing },
+  { edits: true, keys: ["c"], shown: "C", does: "Handles of the clip box and planes", run: () => void useUi.setState((ui) => ({ clipHandles: !ui.clipHandles })) },
+  { edits: true, keys: ["z"], shift: false, shown: "Z or Ctrl Z", does: "Undo", run: () => session.undo() },
+  { edits: true, keys: ["z"], shift: true, shown: "Shift Z or Ctrl Shift Z", does: "Redo", run: () => session.redo() },
   { keys: ["["], shown: "[", does: "Fold the left panel", run: flipLeft },
   { keys: ["]"], shown: "]", does: "Fold the right panel", run: flipRight },
   { keys: ["g"], shown: "G", does: "Sessions on this server", run: () => void useUi.setState(({ galleryOpen }) => ({ galleryOpen: !galleryOpen })) },
@@ -56,8 +59,8 @@ export const bindings: readonly Binding[] = [
   { keys: ["?"], shown: "?", does: "This sheet", run: () => void useUi.setState((ui) => ({ helpOpen: !ui.helpOpen })) },
 ];
 
-/** Elements that use letters, and those that use arrows. */
-const TYPING = "input:not([type=range]), textarea, select, [contenteditable=true], [role=dialog]";
+/** Elements that use letters, and those that use arrows. A closed list of choices is an input that nobody types in. */
+const TYPING = "input:not([type=range], [type=checkbox], [type=radio], [readonly]:not([aria-expanded=true])), textarea, select, [contenteditable=true], [role=dialog]";
 const STEPPING = "[role=slider], [role=listbox], [role=radiogroup], [role=menu]";
 
 export function handleKey(event: KeyboardEvent): void {
@@ -69,7 +72,7 @@ export function handleKey(event: KeyboardEvent): void {
   if (target.closest(TYPING) && !(key === "?" && target.closest("[data-help]"))) return;
   if (key.startsWith("Arrow") && target.closest(STEPPING)) return;
   const binding = bindings.find(({ keys, shift }) => keys.includes(key) && (shift === undefined || shift === event.shiftKey));
-  if (!binding) return;
+  if (!binding || (binding.edits && isWatching(useSession.getState()))) return;
   event.preventDefault();
   binding.run(key);
 }

@@ -39,6 +39,8 @@ interface Passing {
   clipHandles: boolean;
   /** Index of the light whose handles are shown. */
   selectedLight: number | null;
+  /** What an edit has changed besides what was asked for; shown where it was asked for. */
+  sideEffect: { at: "method" | "lights"; text: string } | null;
 }
 
 interface Actions {
@@ -70,6 +72,7 @@ export const useUi = create<Kept & Passing & Actions>()(
       galleryOpen: false,
       selectedPoints: [],
       selectedLight: null,
+      sideEffect: null,
       clipHandles: false,
       toggleSection: (id) => set(({ closedSections }) => ({
         closedSections: closedSections.includes(id) ? closedSections.filter((other) => other !== id) : [...closedSections, id],

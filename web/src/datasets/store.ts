@@ -2,13 +2,15 @@
 
 import { create } from "zustand";
 import { deleteDataset, getDatasets } from "../api/rest";
-import { offer } from "../app/say";
+import { offer, say } from "../app/say";
 import { useUi } from "../app/uiStore";
 import type { Dataset, SceneFile } from "../generated/proto";
+import { takeEnvironment } from "../lights/environmentStore";
 import { session } from "../session/engine";
 import { looksLikeScene } from "../session/shareLink";
 import { useSession } from "../session/store";
 import { wordsOf } from "../session/words";
+import { openCurve } from "../transfer-function/curve";
 import { formatBytes } from "./format";
 import { groupFiles, sidecarName, type Group, type RawLayout } from "./grouping";
 import { fingerprint } from "./resumable";
@@ -98,6 +100,15 @@ export async function removeDataset(id: string): Promise<void> {
 export async function takeFiles(files: readonly File[]): Promise<void> {
   const volumes: File[] = [];
   for (const file of files) {
+    if (/\.(hdr|exr)$/i.test(file.name)) {
+      const taken = await takeEnvironment(file);
+      if (taken) say(`${taken.name} is among the environments: select an environment light to use it.`);
+      continue;
+    }
+    if (/\.tf\.json$/i.test(file.name)) {
+      await openCurve(file);
+      continue;
+    }
     const scene = await sceneIn(file);
     if (scene) await session.openScene(scene);
     else volumes.push(file);

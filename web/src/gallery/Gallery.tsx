@@ -3,6 +3,7 @@
 import { Button, Modal } from "@mantine/core";
 import { useEffect, useState } from "react";
 import { deleteSession, getSessions } from "../api/rest";
+import { copyWatchLink } from "../app/files";
 import { sayError } from "../app/say";
 import { useUi } from "../app/uiStore";
 import { useDatasets } from "../datasets/store";
@@ -13,7 +14,7 @@ import { useSession } from "../session/store";
 import { datasetOf } from "../session/volumeFacts";
 import { wordsOf } from "../session/words";
 import { SessionPicture } from "./SessionPicture";
-import { agoInWords, contentOf, inOrder, viewersInWords } from "./sessions";
+import { agoInWords, contentOf, inOrder, isOf, viewersInWords } from "./sessions";
 
 /** While it is open the list is asked for again after this time, milliseconds. */
 const REFRESH_MILLIS = 5000;
@@ -60,9 +61,9 @@ function Sessions() {
   if (!list) return <p className="hint">Asking the service …</p>;
   return (
     <>
-      <p className="hint">Edits in a session reach everybody in it; each has a view of their own. A session without viewers ends after a while.</p>
+      <p className="hint">Edits in a session reach everybody in it; each has a view of their own. A session is kept when nobody looks, also over a restart of the server.</p>
       <ul className="gallery" data-testid="gallery-list">
-        {inOrder(list.sessions, mine).map((session) => <Tile key={session.id} session={session} mine={session.id === mine} now={list.at} onEnded={() => setAsked((n) => n + 1)} />)}
+        {inOrder(list.sessions, mine).map((session) => <Tile key={session.id} session={session} mine={isOf(session, mine)} now={list.at} onEnded={() => setAsked((n) => n + 1)} />)}
       </ul>
     </>
   );
@@ -72,6 +73,7 @@ function Tile({ session, mine, now, onEnded }: { session: Session; mine: boolean
   const datasets = useDatasets((state) => state.list);
   const [confirming, setConfirming] = useState(false);
   const { name, drawn } = contentOf(session, datasets);
+  const { watch } = session;
   const join = () => {
     window.location.hash = sessionAddress(session.id);
     close();
@@ -81,7 +83,7 @@ function Tile({ session, mine, now, onEnded }: { session: Session; mine: boolean
     <li className="gallery-tile" data-mine={mine} data-testid={`session-${session.id}`}>
       <SessionPicture id={session.id} epoch={session.epoch} dataset={datasetOf(session.scene.volume)} />
       <strong className="gallery-name" title={name}>{name}</strong>
-      <span className="dim">{drawn} · {agoInWords(session.created_unix_millis, now)}</span>
+      <span className="dim">{drawn} · used {agoInWords(session.used_unix_millis, now)}</span>
       <span className="dim">{viewersInWords(session.viewers, mine)}</span>
       {confirming ? (
         <div className="tile-actions" role="alertdialog" aria-label={`End the session of ${name}?`}>
@@ -92,7 +94,8 @@ function Tile({ session, mine, now, onEnded }: { session: Session; mine: boolean
         <div className="tile-actions">
           {mine ? <span className="gallery-here">This page</span> : <Button variant="default" size="compact-xs" title="Work in it together" onClick={join} data-testid="session-join">Join</Button>}
           <Button variant="default" size="compact-xs" title="A session of your own with this scene" onClick={copy} data-testid="session-copy">Copy</Button>
-          {!mine && <button type="button" className="text-button" onClick={() => setConfirming(true)} data-testid="session-end">End</button>}
+          {watch !== undefined && <button type="button" className="text-button" title="Copy a link under which it is looked at and not edited" onClick={() => void copyWatchLink(watch).catch(sayError)} data-testid="session-watch">Watch link</button>}
+          {!mine && session.role === "editor" && <button type="button" className="text-button" onClick={() => setConfirming(true)} data-testid="session-end">End</button>}
         </div>
       )}
     </li>

@@ -35,6 +35,9 @@ export function viewersInWords(viewers: number, mine: boolean): string {
   return viewers === 0 ? "nobody is looking" : counted(viewers, "viewer");
 }
 
-/** This page's own first, then those with most viewers, then the newest. */
+/** Whether a session goes by this identifier, or by this one for watching. */
+export const isOf = (session: Session, id: string | null): boolean => id !== null && (session.id === id || session.watch === id);
+
+/** This page's own first, then those with most viewers, then the one used last. */
 export const inOrder = (sessions: readonly Session[], own: string | null): Session[] =>
-  [...sessions].sort((a, b) => Number(b.id === own) - Number(a.id === own) || b.viewers - a.viewers || b.created_unix_millis - a.created_unix_millis);
+  [...sessions].sort((a, b) => Number(isOf(b, own)) - Number(isOf(a, own)) || b.viewers - a.viewers || b.used_unix_millis - a.used_unix_millis);

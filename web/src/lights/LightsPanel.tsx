@@ -2,15 +2,19 @@
 
 import { Button, Menu } from "@mantine/core";
 import { useEffect, useRef } from "react";
+import { environmentPreviewUrl } from "../api/rest";
 import { ColorField, IconButton, NumberField, Row, Section, SliderField, TripleField } from "../app/controls";
 import { Icon } from "../app/Icon";
 import { useUi } from "../app/uiStore";
 import { MAX_LIGHTS, type Light } from "../generated/proto";
+import type { Triple } from "../scene/vec";
 import { session } from "../session/engine";
 import { useSession } from "../session/store";
 import { currentCamera } from "../viewport/actions";
 import { fromView, toView } from "../viewport/camera";
 import { DirectionSphere } from "./DirectionSphere";
+import { EnvironmentDetail } from "./EnvironmentDetail";
+import { pictureOf } from "./environments";
 import {
   aimAt, comeFrom, freeId, lightHue, lightNames, lightStrength, newLight, placeOf, quantityOf, setHue, setPlace, setStrength,
   towardsLight, withIds, type LightType,
@@ -53,7 +57,7 @@ export function LightsPanel() {
         {lights.map((item, index) => (
           <li key={item.id ?? index} className="light-item" data-selected={index === selected}>
             <div className="light-row" data-testid={`light-${index}`} data-type={item.type} data-enabled={item.enabled}>
-              <ColorField label="Colour of the light" color={lightHue(item)} testId={`light-colour-${index}`} onChange={(hue) => change(index, setHue(item, hue), `hue-${index}`)} />
+              <LightSwatch light={item} index={index} onHue={(hue) => change(index, setHue(item, hue), `hue-${index}`)} />
               <button type="button" className="light-name" title={`${lightNames[item.type]} ${item.id ?? index}: place and details`} aria-expanded={index === selected} onClick={() => select(index === selected ? null : index)} data-testid={`light-select-${index}`}>
                 <span>{lightNames[item.type]}</span>
                 <span className="light-id">{item.id ?? index}</span>
@@ -65,13 +69,20 @@ export function LightsPanel() {
                 select(null);
               }} />
             </div>
-            {index === selected && <LightDetail light={item} onChange={(to, key) => change(index, to, `${key}-${index}`)} />}
+            {index === selected && <LightDetail light={item} index={index} onChange={(to, key) => change(index, to, `${key}-${index}`)} />}
           </li>
         ))}
       </ul>
       {lights.length === 0 && <p className="hint">No lights: only emission is seen. Add one, or take a set above.</p>}
     </Section>
   );
+}
+
+/** The colour of a light; what has a picture shows that instead. */
+function LightSwatch({ light, index, onHue }: { light: Light; index: number; onHue: (hue: Triple) => void }) {
+  const image = pictureOf(light);
+  if (image === null) return <ColorField label="Colour of the light" color={lightHue(light)} testId={`light-colour-${index}`} onChange={onHue} />;
+  return <span className="swatch swatch-picture" style={{ backgroundImage: `url("${environmentPreviewUrl(image)}")` }} />;
 }
 
 function AddLight({ lights, onAdd }: { lights: readonly Light[]; onAdd: (type: LightType) => void }) {
@@ -93,7 +104,7 @@ function AddLight({ lights, onAdd }: { lights: readonly Light[]; onAdd: (type: L
   );
 }
 
-function LightDetail({ light, onChange }: { light: Light; onChange: (light: Light, key: string) => void }) {
+function LightDetail({ light, index, onChange }: { light: Light; index: number; onChange: (light: Light, key: string) => void }) {
   const camera = useSession((state) => state.scene?.camera);
   const towards = towardsLight(light);
   const place = placeOf(light);
@@ -104,6 +115,7 @@ function LightDetail({ light, onChange }: { light: Light; onChange: (light: Ligh
   }, []);
   return (
     <div className="light-detail" ref={panel} data-testid="light-detail">
+      {light.type === "environment" && <EnvironmentDetail light={light} index={index} onChange={onChange} />}
       {towards && camera && <DirectionSphere towards={toView(camera, towards)} onChange={(direction) => onChange(comeFrom(light, fromView(camera, direction)), "direction")} />}
       <div className="light-numbers">
         <SliderField label="Strength" hint={quantityOf(light)} value={lightStrength(light)} min={0} max={MAX_STRENGTH} sliderMax={SLIDER_STRENGTH} step={0.1} toSlider={Math.sqrt} fromSlider={(x) => x * x} testId="light-strength" onChange={(strength) => onChange(setStrength(light, strength), "strength")} />
@@ -116,16 +128,9 @@ function LightDetail({ light, onChange }: { light: Light; onChange: (light: Ligh
         {(light.type === "disk" || light.type === "sphere") && (
           <Row label="Radius"><NumberField label="Radius" value={light.radius} min={0} max={100} step={0.02} testId="light-radius" onChange={(radius) => onChange({ ...light, radius }, "radius")} /></Row>
         )}
-        {light.type === "environment" && light.image !== undefined && <EnvironmentTurn light={light} onChange={onChange} />}
       </div>
     </div>
   );
-}
-
-/** Turns an environment map about the vertical axis. */
-function EnvironmentTurn({ light, onChange }: { light: Extract<Light, { type: "environment" }>; onChange: (light: Light, key: string) => void }) {
-  const [x, y, z] = light.rotation_degrees ?? [0, 0, 0];
-  return <SliderField label="Turn" value={y} min={-180} max={180} step={1} testId="light-turn" onChange={(degrees) => onChange({ ...light, rotation_degrees: [x, degrees, z] }, "turn")} />;
 }
 
 function Pair({ label, hint, names, value, max, step, onChange }: {

@@ -19,7 +19,7 @@ import { FrameReceiver } from "./frames";
 import { Inputs, type ViewportSize } from "./inputs";
 import { Meters } from "./meters";
 import { decodeScene, parseAddress, sessionAddress } from "./shareLink";
-import { reported, useSession, type SessionState } from "./store";
+import { isWatching, reported, useSession, type SessionState } from "./store";
 import { SceneSync } from "./sync";
 import { loadView, saveView } from "./viewMemory";
 import { VolumeFacts } from "./volumeFacts";
@@ -32,10 +32,16 @@ const SETTLE_MILLIS = 3000;
 /** After this long without an input the view is at rest, milliseconds. */
 const REST_MILLIS = 250;
 
-type Presenter = (picture: ImageBitmap, header: FrameHeader) => void;
+/** Where pictures are shown. */
+interface Screen {
+  show: (picture: ImageBitmap, header: FrameHeader) => void;
+  /** What is on it, as PNG. */
+  still: () => Promise<Blob>;
+}
 
 const SESSION_EXPIRED =
-  "The session of this link has expired: a session ends when nobody has looked at it for some time. The first sample is shown instead; a shared scene (Copy a link) does not expire.";
+  "The session of this link has expired: a session ends when nobody has looked at it for some time. The first sample is shown instead; a link to the scene (Share) does not expire.";
+const WATCHED_ENDED = "The session you watched has ended. This is a session of your own, with what you saw last.";
 
 const set = (state: Partial<SessionState>): void => useSession.setState(state);
 
@@ -49,7 +55,7 @@ class Engine {
   private receiver: FrameReceiver<ImageBitmap> | null = null;
   /** The server has greeted this connection: inputs may be sent. */
   private welcomed = false;
-  private presenter: Presenter | null = null;
+  private screen: Screen | null = null;
   private settleWaiters: (() => void)[] = [];
   private restTimer: number | undefined;
   /** Grows with every session that is asked for; answers to older wishes are dropped. */
@@ -89,8 +95,8 @@ class Engine {
   }
 
   /** Where decoded pictures go; null while there is no canvas. */
-  present(presenter: Presenter | null): void {
-    this.presenter = presenter;
+  present(screen: Screen | null): void {
+    this.screen = screen;
   }
 
   openDataset(id: string): Promise<void> {
@@ -101,10 +107,10 @@ class Engine {
     return this.open({ scene });
   }
 
-  /** Edits the scene. Edits of one `key` in quick succession are one undo step; one that changes nothing is none. */
+  /** Edits the scene; nothing happens where this page only watches. Edits of one `key` in quick succession are one undo step; one that changes nothing is none. */
   edit(patch: Patch, key: string | null = null): void {
     const { sync } = this;
-    if (!sync) return;
+    if (!sync || isWatching(useSession.getState())) return;
     const { fieldError, failure } = useSession.getState();
     if (fieldError && rootOf(fieldError.field) in patch) set({ fieldError: null });
     const before = sync.scene;
@@ -148,18 +154,27 @@ class Engine {
     this.inputs.resize(viewport);
   }
 
-  /** A still of what this viewer sees, drawn by the server at the viewport's device pixels. */
+  /**
+   * A still of what this viewer sees, drawn by the server at the viewport's device pixels. The server
+   * draws stills with the session's camera, which watchers do not move: theirs is what is on screen.
+   */
   async still(): Promise<Blob> {
+    if (isWatching(useSession.getState())) return this.stillOnScreen();
     const { sessionId, scene } = useSession.getState();
     const { viewport } = this.inputs;
     if (!sessionId || !scene?.camera || !viewport || !this.sync) throw new Error("There is no picture yet.");
-    // The server draws stills with the session's camera: make it this viewer's first.
+    // Make the session's camera this viewer's first.
     const camera = { orthographic_height: null, fov_y_degrees: null, ...scene.camera };
     this.sync.tell({ camera });
     this.inputs.schedule();
     await this.settled();
     const { width, height, pixel_ratio } = viewport;
     return rest.getSnapshot(sessionId, Math.round(width * pixel_ratio), Math.round(height * pixel_ratio));
+  }
+
+  private stillOnScreen(): Promise<Blob> {
+    if (!this.screen || useSession.getState().awaitingPicture) throw new Error("There is no picture yet.");
+    return this.screen.still();
   }
 
   /** Tries to connect at once instead of waiting for the next attempt. */
@@ -169,7 +184,7 @@ class Engine {
 
   private walk(step: (edits: EditLog) => Patch | null): void {
     const { sync } = this;
-    if (!sync) return;
+    if (!sync || isWatching(useSession.getState())) return;
     this.edits.endGesture(sync.scene);
     const patch = step(this.edits);
     if (!patch) return;
@@ -260,7 +275,7 @@ class Engine {
     this.edits = new EditLog();
     this.volume.forget();
     set({
-      sessionId: id, link: "connecting", retryAt: null, startCamera: null, startFits: false, report: null, changeReport: null, pictureReport: null,
+      sessionId: id, role: "editor", link: "connecting", retryAt: null, startCamera: null, startFits: false, report: null, changeReport: null, pictureReport: null,
       awaitingPicture: true, progress: null, notice: null, settled: false, failure: null, fieldError: null, canUndo: false, canRedo: false,
       scene: scene ?? useSession.getState().scene,
     });
@@ -287,7 +302,8 @@ class Engine {
       if (wish !== this.wish) return;
       this.sync?.reattach(session.scene);
       window.history.replaceState(null, "", sessionAddress(session.id));
-      set({ sessionId: session.id });
+      const watched = isWatching(useSession.getState());
+      set({ sessionId: session.id, role: session.role, ...(watched ? { notice: WATCHED_ENDED } : {}) });
       this.connection.connect(session.id);
     } catch (error) {
       if (wish === this.wish) this.openLater(error, () => void this.recreate());
@@ -342,7 +358,7 @@ class Engine {
     else this.sync = new SceneSync(message.scene);
     this.cameras = message.scene.camera ? new CameraTrail(message.scene.camera) : null;
     this.volume.greeted(message.scene.volume, message.dataset, message.shown);
-    set({ link: "open", failure: null, retryAt: null, device: message.device });
+    set({ link: "open", role: message.role, failure: null, retryAt: null, device: message.device });
     if (!startCamera && message.scene.camera) this.startAt(message.session, message.scene.camera, startFits);
     if (!useSession.getState().status) void this.refreshStatus();
     if (document.hidden) this.connection.send({ type: "visible", visible: false });
@@ -389,7 +405,7 @@ class Engine {
   }
 
   private showFrame(picture: ImageBitmap, header: FrameHeader): void {
-    this.presenter?.(picture, header);
+    this.screen?.show(picture, header);
     this.meters.frameShown(header.seq, performance.now());
     this.cameras?.shown(header.seq);
     set({ frame: header, awaitingPicture: false, progress: null });

@@ -3,7 +3,7 @@
 import { create } from "zustand";
 import {
   FLAG_FINAL, FLAG_MOVING, type Camera, type Dataset, type DeviceInfo, type FrameHeader, type FrameReport, type Histogram,
-  type SceneFile, type ShownVolume, type Status,
+  type Role, type SceneFile, type ShownVolume, type Status,
 } from "../generated/proto";
 import type { Readings } from "./meters";
 
@@ -29,6 +29,8 @@ export interface FieldError {
 export interface SessionState {
   status: Status | null;
   sessionId: string | null;
+  /** What this page may do in the session. */
+  role: Role;
   device: DeviceInfo | null;
   dataset: Dataset | null;
   /** Of `dataset`; null until it has arrived. */
@@ -73,6 +75,7 @@ export interface SessionState {
 export const useSession = create<SessionState>(() => ({
   status: null,
   sessionId: null,
+  role: "editor",
   device: null,
   dataset: null,
   histogram: null,
@@ -97,6 +100,9 @@ export const useSession = create<SessionState>(() => ({
   fieldError: null,
   readings: { latencyMillis: null, framesPerSecond: 0, megabitsPerSecond: 0 },
 }));
+
+/** Whether this page may look and not edit. */
+export const isWatching = ({ role }: Pick<SessionState, "role">): boolean => role === "watcher";
 
 /** What a report makes known: it may be of a change, of a picture, or of both. */
 export function reported(report: FrameReport): Partial<SessionState> {

@@ -9,7 +9,7 @@ import { useDatasets } from "../datasets/store";
 import { LightGizmo } from "../lights/LightGizmo";
 import { ClipHandles } from "../quality/ClipHandles";
 import { session } from "../session/engine";
-import { pictureState, useSession } from "../session/store";
+import { isWatching, pictureState, useSession } from "../session/store";
 import { currentCamera, resetView, startUp, toggleFullScreen, toggleProjection } from "./actions";
 import { EdgeLetters } from "./EdgeLetters";
 import { attachGestures } from "./gestures";
@@ -30,7 +30,7 @@ export function Viewport() {
     const parent = frame.current;
     if (!element || !parent) return;
     const presenter = new Presenter(element);
-    session.present((picture, header) => presenter.show(picture, header));
+    session.present(presenter);
     const detach = attachGestures(element, {
       camera: currentCamera,
       startUp,
@@ -58,14 +58,15 @@ export function Viewport() {
   }, []);
 
   const state = useSession(pictureState);
+  const watching = useSession(isWatching);
   const windowing = useWindowing(({ active }) => active);
   return (
     <div className="viewport" ref={frame} data-state={state}>
       <canvas ref={canvas} className="viewport-canvas" tabIndex={0} aria-label="Rendered volume: drag to turn, wheel to zoom" data-testid="viewport" data-state={state} data-tool={windowing ? "window" : undefined} />
       <ProbeLayer canvas={canvas} viewport={size} />
       <WindowReadout />
-      <ClipHandles viewport={size} />
-      <LightGizmo viewport={size} />
+      {!watching && <ClipHandles viewport={size} />}
+      {!watching && <LightGizmo viewport={size} />}
       <LoadingMark />
       <EdgeLetters />
       <OrientationCube />
@@ -78,14 +79,15 @@ export function Viewport() {
 function ViewTools() {
   const windowing = useWindowing(({ active }) => active);
   const clipping = useUi((ui) => ui.clipHandles);
+  const watching = useSession(isWatching);
   const orthographic = useSession((state) => state.scene?.camera?.orthographic_height !== undefined);
   return (
     <div className="view-tools">
       <IconButton icon="home" label="Back to the starting view" hotkey="R" onClick={resetView} testId="reset-view" />
       <IconButton icon={orthographic ? "orthographic" : "perspective"} label={orthographic ? "Orthographic: change to perspective" : "Perspective: change to orthographic"} active={orthographic} onClick={toggleProjection} testId="toggle-projection" />
-      <IconButton icon="contrast" label="Window and level: drag across for the width, up and down for the middle" hotkey="W" active={windowing} onClick={toggleWindowing} testId="toggle-windowing" />
-      <IconButton icon="box" label="Clip box and planes: handles in the picture" hotkey="C" active={clipping} onClick={() => useUi.setState({ clipHandles: !clipping })} testId="toggle-clip-handles" />
-      <IconButton icon="camera" label="Save a still as PNG" hotkey="S" onClick={() => void saveStill()} testId="save-still" />
+      {!watching && <IconButton icon="contrast" label="Window and level: drag across for the width, up and down for the middle" hotkey="W" active={windowing} onClick={toggleWindowing} testId="toggle-windowing" />}
+      {!watching && <IconButton icon="box" label="Clip box and planes: handles in the picture" hotkey="C" active={clipping} onClick={() => useUi.setState({ clipHandles: !clipping })} testId="toggle-clip-handles" />}
+      <IconButton icon="camera" label={watching ? "Save the picture on screen as PNG; stills drawn by the server are for editors" : "Save a still as PNG"} hotkey="S" onClick={() => void saveStill()} testId="save-still" />
       <IconButton icon="expand" label="Full screen" hotkey="F" onClick={() => void toggleFullScreen().catch(sayError)} testId="full-screen" />
     </div>
   );

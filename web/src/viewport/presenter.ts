@@ -34,6 +34,13 @@ export class Presenter {
     this.draw();
   }
 
+  /** What is on the canvas, as PNG. */
+  still(): Promise<Blob> {
+    return new Promise((resolve, reject) => {
+      this.canvas.toBlob((blob) => (blob ? resolve(blob) : reject(new Error("The browser could not write the picture."))), "image/png");
+    });
+  }
+
   private draw(): void {
     const { canvas, context, picture, header } = this;
     if (!context || !picture || !header) return;

@@ -14,7 +14,7 @@ use proto::scene_file::{Method, ToneMapping};
 use scene::distance::distance_map;
 use scene::light::LightGeometry;
 use scene::plan::{FilmPlan, Pass, Plan, SegmentsPlan, Target};
-use scene::{Integrator, Scene, Snapshot};
+use scene::{Integrator, Rendering, Scene, Snapshot};
 
 use crate::error::RenderError;
 use crate::film::ToneMapper;
@@ -158,11 +158,16 @@ pub fn check(scene: &Scene) -> Result<(), FieldError> {
         return layers::check_count(scene);
     }
     if METHODS_BUILT.contains(&scene.method) {
+        // Projections and slices show data, not light.
+        if !scene.rendering.is_lit() {
+            return Ok(());
+        }
         let Some(light) = scene.lights.iter().find(image) else { return Ok(()) };
-        let message = format!(
-            "`{}` cannot use environment images; give a uniform `radiance` instead",
-            scene.method.name()
-        );
+        let who = match scene.rendering {
+            Rendering::Isosurface { .. } => "an isosurface".to_owned(),
+            _ => format!("`{}`", scene.method.name()),
+        };
+        let message = format!("{who} cannot use environment images; give a uniform `radiance` instead");
         return Err(FieldError::new(format!("lights[{}].image", light.id), message));
     }
     let built: Vec<&str> = METHODS_BUILT.iter().map(|method| method.name()).collect();

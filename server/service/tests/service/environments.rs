@@ -105,5 +105,17 @@ async fn what_is_no_environment_is_refused_in_words() {
     local["illumination"] = json!({"method": "local"});
     let refused = service.json(Method::POST, "/sessions", json!({ "scene": local })).await.problem(422);
     assert!(refused.detail.contains("environment images"), "{}", refused.detail);
+    // What shows data and not light does not mind; an isosurface is lit as `local` lights.
+    for (rendering, status) in
+        [(json!({"mode": "maximum"}), 201), (json!({"mode": "isosurface", "isovalue": 0.5}), 422)]
+    {
+        let mut scene = lit_by("studio");
+        scene["rendering"] = rendering;
+        let answer = service.json(Method::POST, "/sessions", json!({ "scene": scene })).await;
+        assert_eq!(answer.status, status, "{}", String::from_utf8_lossy(&answer.body));
+        if status == 422 {
+            assert!(answer.problem(422).detail.starts_with("an isosurface"));
+        }
+    }
     service.get("/environments/..%2F..%2Fetc/preview").await.problem(404);
 }

@@ -16,8 +16,8 @@ use crate::bench::scenes::Loaded;
 /// compile, far less than work that is not cut into slices.
 const SLICE: Duration = Duration::from_millis(50);
 const LONGEST_SLICE_MILLIS: f64 = 10_000.0;
-/// Longest a picture may take.
-const PATIENCE: Duration = Duration::from_secs(60);
+/// Longest a picture may take: paths in white matter of 1e6 are long.
+const PATIENCE: Duration = Duration::from_secs(180);
 /// Samples and time of a reference; the first pass is finished whatever it takes.
 const REFERENCE_SAMPLES: u32 = 256;
 pub const REFERENCE_TIME: Duration = Duration::from_millis(1200);

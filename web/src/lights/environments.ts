@@ -1,0 +1,102 @@
+/**
+ * Environment lights: one colour from everywhere, or a picture of light. Which methods draw pictures,
+ * and how a picture is turned about the scene's upright axis.
+ *
+ * A picture's upper edge is +y of its own axes; data with anatomical axes stands upright along +z,
+ * so pictures are stood up there before they are turned (`rotation_degrees` is about x, y, z in order).
+ */
+
+import type { Camera, Light, Method, SceneFile } from "../generated/proto";
+import type { Patch } from "../scene/mergePatch";
+import { rounded, scale, sub, type Triple } from "../scene/vec";
+import { withIds } from "./lights";
+
+export type EnvironmentLight = Extract<Light, { type: "environment" }>;
+
+/** Methods that refuse pictures, and the one that draws them instead. */
+const WITHOUT_PICTURES: readonly Method[] = ["local"];
+const WITH_PICTURES: Method = "path_traced";
+
+const WHITE: Triple = [1, 1, 1];
+/**
+ * Mean radiance of a picture at scale 1, where nothing else is known: that of the service's own pictures
+ * (studio 0.58, clear sky 0.54, overcast 0.50; mean of the channels over all directions).
+ */
+const MEAN_RADIANCE = 0.54;
+/** Stands a picture of a scene with anatomical axes upright: its +y becomes the world's +z. */
+const STAND_UP_DEGREES = 90;
+
+type Lit = Pick<SceneFile, "illumination" | "lights">;
+
+export const pictureOf = (light: Light): string | null => (light.type === "environment" ? (light.image ?? null) : null);
+
+/** The picture that lights a scene; null if none does. */
+export const pictureOfScene = ({ lights }: Pick<SceneFile, "lights">): string | null => lights.map(pictureOf).find((image) => image !== null) ?? null;
+
+export const takesPictures = (method: Method): boolean => !WITHOUT_PICTURES.includes(method);
+
+/** What an environment light has whatever it shows. */
+const common = ({ type, id, enabled }: EnvironmentLight): EnvironmentLight => ({ type, enabled, ...(id === undefined ? {} : { id }) });
+
+/** The light with a picture. From a uniform one it starts upright, not turned, and as bright as it was stored. */
+export function withPicture(light: EnvironmentLight, image: string, anatomical: boolean): EnvironmentLight {
+  if (light.image !== undefined) return { ...light, image };
+  return { ...common(light), image, scale: 1, ...(anatomical ? { rotation_degrees: [STAND_UP_DEGREES, 0, 0] as Triple } : {}) };
+}
+
+/** The light without its picture: white from everywhere, about as much light in all. */
+export const withoutPicture = (light: EnvironmentLight): EnvironmentLight =>
+  light.image === undefined ? light : { ...common(light), radiance: scale(WHITE, rounded(MEAN_RADIANCE * (light.scale ?? 1))) };
+
+/** A picture for light `index`; a method that refuses pictures gives way in the same edit. */
+export function choosePicture({ illumination, lights }: Lit, index: number, image: string, anatomical: boolean): { patch: Patch; switched: boolean } {
+  const switched = !takesPictures(illumination.method);
+  const chosen = withIds(lights).map((light, i) => (i === index && light.type === "environment" ? withPicture(light, image, anatomical) : light));
+  return { switched, patch: { lights: chosen, ...(switched ? { illumination: { method: WITH_PICTURES } } : {}) } };
+}
+
+/** Another method; one that refuses pictures takes them off the lights in the same edit. */
+export function chooseMethod(scene: Lit, method: Method): { patch: Patch; tookPicture: boolean } {
+  const illumination = { method };
+  if (takesPictures(method) || pictureOfScene(scene) === null) return { patch: { illumination }, tookPicture: false };
+  const lights = withIds(scene.lights).map((light) => (light.type === "environment" ? withoutPicture(light) : light));
+  return { patch: { illumination, lights }, tookPicture: true };
+}
+
+/** Degrees brought to -180 (left out) to 180. */
+export function wrapped(degrees: number): number {
+  const turn = ((degrees % 360) + 360) % 360;
+  return turn > 180 ? turn - 360 : turn;
+}
+
+const uprightIndex = (anatomical: boolean): 1 | 2 => (anatomical ? 2 : 1);
+
+/**
+ * How far the picture is turned to the right as a viewer inside it sees it, degrees. Right-handed
+ * turns about the upright axis go to the left.
+ */
+export const turnOf = (light: EnvironmentLight, anatomical: boolean): number => wrapped(-(light.rotation_degrees ?? [0, 0, 0])[uprightIndex(anatomical)]);
+
+/** The light turned to the right by this much in all. */
+export function withTurn(light: EnvironmentLight, degrees: number, anatomical: boolean): EnvironmentLight {
+  const rotation: Triple = [...(light.rotation_degrees ?? [0, 0, 0])];
+  rotation[uprightIndex(anatomical)] = Math.round(wrapped(-degrees) * 100) / 100;
+  return { ...light, rotation_degrees: rotation };
+}
+
+/**
+ * The column of the picture, 0..1 from its left edge, that lies straight behind the volume for this
+ * camera. A camera that looks along the upright axis has what its upper edge points at.
+ */
+export function columnBehind(light: EnvironmentLight, camera: Camera, anatomical: boolean): number {
+  const across = ([x, y, z]: Triple): [number, number] => (anatomical ? [x, y] : [x, -z]);
+  const view = sub(camera.target, camera.position);
+  let [right, ahead] = across(view);
+  // Steeper than about 84 degrees: sideways hardly anything is left of the direction.
+  if (Math.hypot(right, ahead) < 0.1 * Math.hypot(...view)) {
+    const down = view[uprightIndex(anatomical)] < 0;
+    [right, ahead] = across(down ? camera.up : scale(camera.up, -1));
+  }
+  const degrees = Math.atan2(right, ahead) * (180 / Math.PI) - turnOf(light, anatomical);
+  return (((degrees / 360) % 1) + 1) % 1;
+}
