@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use axum::body::to_bytes;
+use axum::body::{Body, Bytes, to_bytes};
 use axum::extract::{FromRequest, MatchedPath, Request, State};
 use axum::http::{HeaderName, HeaderValue, Method, header};
 use axum::middleware::Next;
@@ -16,7 +16,7 @@ use crate::App;
 use crate::config::Config;
 use crate::datasets::storage::random_hex;
 use crate::datasets::uploads;
-use crate::problem::Fault;
+use crate::problem::{Answer, Fault};
 
 /// Carries the request's id in the answer; the log's lines carry it too.
 const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
@@ -77,6 +77,22 @@ pub async fn nothing_here() -> Fault {
     Fault::not_found("There is nothing at this address; GET /api/v1/openapi.json lists what there is.")
 }
 
+/// A body of at most so many bytes.
+///
+/// # Errors
+/// It is longer, which is told with the limit's name, or broke off.
+pub async fn whole_body(body: Body, most: usize, what: &str, limit: &str) -> Answer<Bytes> {
+    to_bytes(body, most).await.map_err(|error| {
+        let too_long = std::error::Error::source(&error)
+            .is_some_and(|source| source.to_string().contains("length limit"));
+        if too_long {
+            Fault::too_large(format!("{what} may have {most} bytes (`{limit}`)."))
+        } else {
+            Fault::bad_request(format!("The body broke off: {error}."))
+        }
+    })
+}
+
 /// A JSON body within `limits.max_json_bytes`; errors name the field.
 pub struct Json<T>(pub T);
 
@@ -85,15 +101,7 @@ impl<T: DeserializeOwned + Send + 'static> FromRequest<Arc<App>> for Json<T> {
 
     async fn from_request(request: Request, app: &Arc<App>) -> Result<Self, Fault> {
         let most = app.config().limits.max_json_bytes;
-        let body = to_bytes(request.into_body(), most).await.map_err(|error| {
-            let too_long = std::error::Error::source(&error)
-                .is_some_and(|source| source.to_string().contains("length limit"));
-            if too_long {
-                Fault::too_large(format!("A JSON body may have {most} bytes (`limits.max_json_bytes`)."))
-            } else {
-                Fault::bad_request(format!("The body broke off: {error}."))
-            }
-        })?;
+        let body = whole_body(request.into_body(), most, "A JSON body", "limits.max_json_bytes").await?;
         // A body of megabytes takes milliseconds to decode.
         crate::blocking("decoding a body", move || {
             let text =

@@ -15,9 +15,16 @@ const RULES = {
   rules: { region: { enabled: false } },
 };
 
+/** Times the linter looks before something it finds is believed: a tooltip may be fading in or out. */
+const LOOKS = 3;
+
 /** What the linter finds, in words. */
-async function findings(visitor) {
+async function findings(visitor, looks = LOOKS) {
   const { violations } = await visitor.page.evaluate((rules) => globalThis.axe.run(document, rules), RULES);
+  if (violations.length > 0 && looks > 1) {
+    await visitor.page.waitForTimeout(FADE_MILLIS);
+    return findings(visitor, looks - 1);
+  }
   return violations.map(({ id, help, nodes }) => `${id}: ${help}: ${nodes.map(({ html }) => html.slice(0, 140)).join(" | ")}`);
 }
 

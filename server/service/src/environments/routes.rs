@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use axum::Json as JsonAnswer;
-use axum::body::{Body, to_bytes};
+use axum::body::Body;
 use axum::extract::{Path, State};
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -13,6 +13,7 @@ use scene::environment::EnvironmentImage;
 
 use crate::App;
 use crate::datasets::receive::plain_name;
+use crate::http::whole_body;
 use crate::problem::{Answer, Fault};
 
 /// Pixels of a preview.
@@ -46,17 +47,7 @@ pub async fn put(State(app): State<Arc<App>>, Path(name): Path<String>, body: Bo
         return Err(Fault::busy("Other uploads are being received (`limits.max_uploads`)."));
     };
     let most = app.config().limits.max_environment_bytes;
-    let bytes = to_bytes(body, most).await.map_err(|error| {
-        let too_long = std::error::Error::source(&error)
-            .is_some_and(|source| source.to_string().contains("length limit"));
-        if too_long {
-            Fault::too_large(format!(
-                "An environment may have {most} bytes (`limits.max_environment_bytes`)."
-            ))
-        } else {
-            Fault::bad_request(format!("The upload broke off: {error}."))
-        }
-    })?;
+    let bytes = whole_body(body, most, "An environment", "limits.max_environment_bytes").await?;
     let shared = app.clone();
     let stored = crate::blocking("storing an environment", move || {
         shared.environments().store(&plain_name(&name), &bytes)
