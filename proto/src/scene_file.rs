@@ -90,6 +90,8 @@ pub mod limits {
     pub const MAX_VOLUME_EDGE: u32 = 2048;
     /// Most paths of a pixel.
     pub const MAX_PATHS_PER_PIXEL: u32 = 1 << 20;
+    /// Photons of a light.
+    pub const MAX_PHOTONS: u32 = 1 << 24;
     /// Most scattering events of a path.
     pub const MAX_PATH_LENGTH: u32 = 1_000_000_000;
     /// Most segments a view ray is kept in.
@@ -789,6 +791,15 @@ pub struct Illumination {
     /// `path_traced`: what each light brings is kept apart, so that colours, strengths and switches
     /// of lights change the picture without a new path. At most 8 lights.
     pub light_layers: bool,
+    /// `photon_map`: photons of each light, 1..16777216.
+    pub photons: u32,
+    /// `photon_map`: most interactions of a photon, 1..256. What is lost by it is counted.
+    pub photon_events: u32,
+    /// `photon_map`: texels of the light field along the volume's longest edge, 4..256.
+    pub photon_grid: u32,
+    /// `photon_map`: bands of spherical harmonics that hold the light where matter is not isotropic,
+    /// 1..6.
+    pub photon_bands: u32,
 }
 
 impl Default for Illumination {
@@ -799,6 +810,10 @@ impl Default for Illumination {
             max_error: 0.0,
             longest_path: 100_000,
             light_layers: false,
+            photons: 65_536,
+            photon_events: 16,
+            photon_grid: 48,
+            photon_bands: 3,
         }
     }
 }

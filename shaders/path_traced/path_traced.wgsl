@@ -38,51 +38,6 @@ struct PathTracer {
     pad1: u32,
 }
 
-// A path under way.
-struct Path {
-    // The present ray.
-    origin: vec3f,
-    // How far it has come.
-    t: f32,
-    direction: vec3f,
-    // Where along it a cell is looked up next.
-    lookup: f32,
-    throughput: vec3f,
-    // To the next tentative collision.
-    optical_depth: f32,
-    // Found so far.
-    radiance: vec3f,
-    // Of a shadow ray, so far.
-    transmittance: f32,
-    // The last scattering event: towards the eye, the surface's normal (0: none), and s.
-    w_o: vec3f,
-    s: f32,
-    n: vec3f,
-    // Of the present ray's direction.
-    density: f32,
-    // What a shadow ray brings if nothing is in its way.
-    weight: vec3f,
-    // The present ray's; before it has begun, of the light it is meant for.
-    end: f32,
-    stage: u32,
-    // Next light to look for.
-    light: u32,
-    scatterings: u32,
-    // Random numbers drawn.
-    draws: u32,
-}
-
-// What the present ray is.
-const START = 0u;
-// From the eye.
-const VIEW = 1u;
-// From a scattering event on.
-const FLIGHT = 2u;
-// Towards a light.
-const SHADOW = 3u;
-// Added to these while the ray has not begun.
-const TO_BEGIN = 4u;
-
 const PATH_COUNTERS = 7u;
 const CUT_UNIT = 1024.0;
 var<workgroup> group_counts: array<atomic<u32>, PATH_COUNTERS>;
@@ -183,21 +138,12 @@ fn begin_path(path: ptr<function, Path>, pixel: vec2u, place: vec2f) {
     (*path).stage = VIEW + TO_BEGIN;
 }
 
-// The part of a new ray on which there may be matter, and its way to the first tentative collision.
-fn begin_ray(path: ptr<function, Path>, pixel: vec2u) {
-    let ray = Ray((*path).origin, (*path).direction);
-    var whole = box_interval(ray, -0.5 * frame.size_world, 0.5 * frame.size_world);
-    whole.x = max(whole.x, 0.0);
-    let kept = clip_interval(ray, whole);
-    if (*path).stage < TO_BEGIN { return; }
-    (*path).stage -= TO_BEGIN;
-    let all = (*path).stage != VIEW && steering(path_tracer.clip_shadows) == 1u;
-    let interval = select(kept, whole, all);
-    (*path).t = interval.x;
-    (*path).lookup = interval.x;
-    (*path).end = min(interval.y, (*path).end);
-    (*path).optical_depth = -log(unit2(draw(path, pixel).xy).x);
-    (*path).transmittance = 1.0;
+fn clipped_matter_blocks() -> bool {
+    return steering(path_tracer.clip_shadows) == 1u;
+}
+
+fn seed() -> u32 {
+    return path_tracer.seed;
 }
 
 // What follows from what became of a ray: the next ray; true when the path is at its end.
@@ -294,17 +240,4 @@ fn scatter(path: ptr<function, Path>, pixel: vec2u, counts: ptr<function, vec4u>
     (*path).end = FARTHEST;
     (*path).stage = FLIGHT + TO_BEGIN;
     return false;
-}
-
-fn max_of(v: vec3f) -> f32 {
-    return max(v.x, max(v.y, v.z));
-}
-
-// Whether matter at a place is not clipped away.
-fn keeps(x: vec3f) -> bool {
-    var inside = all(x >= frame.clip_low) && all(x <= frame.clip_high);
-    for (var i = 0u; i < steering(frame.plane_count); i++) {
-        inside = inside && dot(frame.planes[i].xyz, x) >= frame.planes[i].w;
-    }
-    return inside;
 }

@@ -9,6 +9,18 @@ pub(crate) fn radiance(image: &EnvironmentImage) -> Vec<[f32; 4]> {
     image.texels().iter().map(|&[r, g, b]| [r, g, b, 0.0]).collect()
 }
 
+/// Integral over the sphere of the mean of red, green and blue, as `draws` weights directions.
+pub(crate) fn mean_total(image: &EnvironmentImage) -> f64 {
+    let (width, height) = (image.width(), image.height());
+    let row = |y: usize| {
+        let [top, bottom] = [y, y + 1].map(|edge| (PI * edge as f64 / height as f64).cos());
+        let texels = &image.texels()[y * width..(y + 1) * width];
+        let sum: f64 = texels.iter().flatten().map(|&value| f64::from(value)).sum();
+        sum / 3.0 * 2.0 * PI * (top - bottom) / width as f64
+    };
+    (0..height).map(row).sum()
+}
+
 /// Texels of the table of draws: the share of draws that stay with a texel, the texel that takes
 /// the others, and the density per steradian of the texel's directions. Texels are drawn in
 /// proportion to the mean of the bilinear radiance over them (sum of its channels) times their solid

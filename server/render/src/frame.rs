@@ -32,7 +32,16 @@ fn surface(scene: &Scene) -> [f32; 4] {
     }
 }
 
+/// For passes that have no picture.
+pub(crate) fn scene_uniform(scene: &Scene, texture: &VolumeTexture) -> FrameUniform {
+    frame_of(scene, texture, [1, 1])
+}
+
 pub(crate) fn frame_uniform(scene: &Scene, texture: &VolumeTexture, film: &FilmCache) -> FrameUniform {
+    frame_of(scene, texture, [film.width, film.height])
+}
+
+fn frame_of(scene: &Scene, texture: &VolumeTexture, image: [u32; 2]) -> FrameUniform {
     use scene::camera::Projection;
     let camera = &scene.camera;
     let (projection, half_height) = match camera.projection {
@@ -71,7 +80,7 @@ pub(crate) fn frame_uniform(scene: &Scene, texture: &VolumeTexture, film: &FilmC
         skip_empty: u32::from(scene.sampling.skip_empty),
         ambient: tables::vector(tables::ambient(scene)),
         point_count: scene.transfer_function.points.len() as u32,
-        image: [film.width, film.height],
+        image,
         first_row: 0,
         row_count: 0,
         subpixel: [0.5; 2],

@@ -184,12 +184,22 @@ impl Gpu {
         bind_group: &wgpu::BindGroup,
         [columns, rows]: [u32; 2],
     ) {
+        self.dispatch_3d(pipeline, bind_group, [columns, rows, 1]);
+    }
+
+    /// Submits one dispatch of a compute pipeline.
+    pub(crate) fn dispatch_3d(
+        &self,
+        pipeline: &wgpu::ComputePipeline,
+        bind_group: &wgpu::BindGroup,
+        [columns, rows, layers]: [u32; 3],
+    ) {
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, bind_group, &[]);
-            pass.dispatch_workgroups(columns, rows, 1);
+            pass.dispatch_workgroups(columns, rows, layers);
         }
         self.queue.submit([encoder.finish()]);
     }

@@ -12,6 +12,7 @@ use scene::plan::LightState;
 use crate::error::RenderError;
 use crate::gpu::Gpu;
 use crate::light_field::LightField;
+use crate::photon_map::{PhotonMap, PhotonPipelines};
 use crate::view::{EnvironmentTables, LightTables, TransferFunctionTables};
 use crate::volume_texture::VolumeTexture;
 
@@ -45,8 +46,9 @@ pub(crate) struct Inputs<'a> {
     pub lights: &'a LightTables,
     /// Bounds of the extinction, for methods that track paths.
     pub majorants: Option<&'a wgpu::TextureView>,
-    /// Where there is an environment image.
+    /// The environment's image; a black texel without one.
     pub environment: Option<&'a EnvironmentTables>,
+    pub photon_pipelines: &'a PhotonPipelines,
 }
 
 /// How far a method has got.
@@ -62,9 +64,10 @@ pub(crate) struct Progress {
 
 /// The methods that keep their light in a field.
 enum Lit {
-    /// A field from elsewhere, for tests.
-    #[cfg_attr(not(test), allow(dead_code))]
-    Given(LightField),
+    PhotonMap(Box<PhotonMap>),
+    /// A field from elsewhere.
+    #[cfg(test)]
+    Given(Box<LightField>),
 }
 
 /// The light of a session, and what it is the light of.
@@ -136,25 +139,35 @@ impl Illumination {
     }
 
     pub fn field(&self) -> Option<&LightField> {
-        let (_, lit) = self.lit.as_ref()?;
-        lit.field()
+        self.lit.as_ref().map(|(_, lit)| lit.field())
     }
 
     pub fn bytes(&self) -> u64 {
         self.lit.as_ref().map_or(0, |(_, lit)| lit.bytes())
     }
 
+    /// The photon map, for tests of what it holds.
+    #[cfg(test)]
+    pub fn photon_map(&self) -> Option<&PhotonMap> {
+        match &self.lit {
+            Some((_, Lit::PhotonMap(map))) => Some(map),
+            _ => None,
+        }
+    }
+
     /// Takes a field from a test as the light of every scene with this method.
     #[cfg(test)]
     pub fn give(&mut self, method: Method, field: LightField) {
-        self.lit = Some((method, Lit::Given(field)));
+        self.lit = Some((method, Lit::Given(Box::new(field))));
     }
 }
 
 impl Lit {
     fn new(inputs: &Inputs<'_>) -> Result<Self, RenderError> {
-        let method = inputs.snapshot.scene.method;
-        Err(RenderError::Gpu(format!("`{}` is not built", method.name())))
+        match inputs.snapshot.scene.method {
+            Method::PhotonMap => Ok(Lit::PhotonMap(Box::new(PhotonMap::new(inputs)?))),
+            other => Err(RenderError::Gpu(format!("`{}` keeps no light", other.name()))),
+        }
     }
 
     fn advance(
@@ -163,19 +176,26 @@ impl Lit {
         deadline: Option<Instant>,
         counters: &mut BTreeMap<String, u64>,
     ) -> Result<Progress, RenderError> {
-        let _ = (inputs, deadline, &counters);
         match self {
+            Lit::PhotonMap(map) => map.advance(inputs, deadline, counters),
+            #[cfg(test)]
             Lit::Given(_) => Ok(Progress { complete: true, completeness: 1.0, changed: true }),
         }
     }
 
-    fn field(&self) -> Option<&LightField> {
+    fn field(&self) -> &LightField {
         match self {
-            Lit::Given(field) => Some(field),
+            Lit::PhotonMap(map) => map.field(),
+            #[cfg(test)]
+            Lit::Given(field) => field,
         }
     }
 
     fn bytes(&self) -> u64 {
-        self.field().map_or(0, LightField::bytes)
+        match self {
+            Lit::PhotonMap(map) => map.bytes(),
+            #[cfg(test)]
+            Lit::Given(field) => field.bytes(),
+        }
     }
 }

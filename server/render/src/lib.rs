@@ -12,6 +12,7 @@ mod gpu;
 mod illumination;
 mod light_field;
 mod path_tracer;
+mod photon_map;
 mod ray_cast;
 mod renderer;
 #[cfg(test)]

@@ -37,9 +37,12 @@ pub const PATH_TRACE: &str = parts!(
     "shared/brdf.wgsl",
     "shared/random.wgsl",
     "shared/environment.wgsl",
-    "path_traced/sources.wgsl",
-    "path_traced/scatter.wgsl",
-    "path_traced/tracking.wgsl",
+    "shared/place.wgsl",
+    "shared/path.wgsl",
+    "shared/sources.wgsl",
+    "shared/scatter.wgsl",
+    "shared/tracking.wgsl",
+    "path_traced/meet.wgsl",
     "path_traced/layers.wgsl",
     "path_traced/path_traced.wgsl",
 );
@@ -57,6 +60,52 @@ pub const MIX_LIGHTS: &str = parts!("path_traced/mix_lights.wgsl");
 /// `error`.
 pub const ERROR: &str = parts!("path_traced/error.wgsl");
 
+/// `trace_photons`: method `photon_map`.
+pub const TRACE_PHOTONS: &str = parts!(
+    "shared/features.wgsl",
+    "shared/frame.wgsl",
+    "shared/ray.wgsl",
+    "shared/medium.wgsl",
+    "shared/phase.wgsl",
+    "shared/brdf.wgsl",
+    "shared/random.wgsl",
+    "shared/place.wgsl",
+    "shared/path.wgsl",
+    "shared/scatter.wgsl",
+    "shared/tracking.wgsl",
+    "shared/sh.wgsl",
+    "photon_map/history.wgsl",
+    "photon_map/deposit.wgsl",
+    "photon_map/trace.wgsl",
+);
+
+/// `take_up`: before it, which photons are stale.
+pub const TAKE_UP: &str = parts!(
+    "shared/features.wgsl",
+    "shared/frame.wgsl",
+    "shared/ray.wgsl",
+    "shared/medium.wgsl",
+    "shared/phase.wgsl",
+    "shared/brdf.wgsl",
+    "shared/random.wgsl",
+    "shared/environment.wgsl",
+    "shared/place.wgsl",
+    "shared/path.wgsl",
+    "shared/sources.wgsl",
+    "shared/scatter.wgsl",
+    "shared/tracking.wgsl",
+    "photon_map/history.wgsl",
+    "photon_map/emit.wgsl",
+    "photon_map/take_up.wgsl",
+);
+
+/// `add_up_mass`.
+pub const ADD_UP_MASS: &str =
+    parts!("shared/frame.wgsl", "shared/medium.wgsl", "shared/place.wgsl", "photon_map/mass.wgsl");
+
+/// `fill_field`.
+pub const FILL_FIELD: &str = parts!("photon_map/fill.wgsl");
+
 /// `tone_map`.
 pub const TONE_MAP: &str = parts!("film/tone_map.wgsl");
 
@@ -67,5 +116,9 @@ pub const ALL: &[(&str, &str)] = &[
     ("restart_tiles", RESTART_TILES),
     ("mix_lights", MIX_LIGHTS),
     ("error", ERROR),
+    ("trace_photons", TRACE_PHOTONS),
+    ("take_up", TAKE_UP),
+    ("add_up_mass", ADD_UP_MASS),
+    ("fill_field", FILL_FIELD),
     ("tone_map", TONE_MAP),
 ];

@@ -100,7 +100,7 @@ pub struct Light {
     pub pad2: u32,
 }
 
-/// `Source` of shaders/path_traced/sources.wgsl.
+/// `Source` of shaders/shared/sources.wgsl.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
 #[allow(missing_docs)]
@@ -136,7 +136,7 @@ pub struct PathTracer {
     pub pad1: u32,
 }
 
-/// `Path` of shaders/path_traced/path_traced.wgsl.
+/// `Path` of shaders/shared/path.wgsl.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
 #[allow(missing_docs)]
@@ -159,6 +159,49 @@ pub struct Path {
     pub light: u32,
     pub scatterings: u32,
     pub draws: u32,
+}
+
+/// `Photons` of shaders/photon_map/trace.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct Photons {
+    pub first: u32,
+    pub count: u32,
+    pub key: u32,
+    pub light: u32,
+    pub slots: u32,
+    pub rays: u32,
+    pub steps: u32,
+    pub pad0: u32,
+    pub bins: [u32; 2],
+    pub blocks: [u32; 2],
+    pub dims: [u32; 3],
+    pub everything: u32,
+    pub radius: f32,
+    pub reference: f32,
+    pub seed: u32,
+    pub clip_shadows: u32,
+}
+
+/// `Mass` of shaders/photon_map/mass.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct Mass {
+    pub dims: [u32; 3],
+    pub count: u32,
+}
+
+/// `Fill` of shaders/photon_map/fill.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct Fill {
+    pub dims: [u32; 3],
+    pub everything: u32,
+    pub flux: [f32; 3],
+    pub turn: u32,
 }
 
 /// Most light layers: 8 lights, what lies behind the volume, and glowing matter.
@@ -321,6 +364,29 @@ pub fn layouts() -> Vec<Layout> {
                 draws,
             }
         ),
+        layout!(
+            "Photons",
+            Photons {
+                first,
+                count,
+                key,
+                light,
+                slots,
+                rays,
+                steps,
+                pad0,
+                bins,
+                blocks,
+                dims,
+                everything,
+                radius,
+                reference,
+                seed,
+                clip_shadows,
+            }
+        ),
+        layout!("Mass", Mass { dims, count }),
+        layout!("Fill", Fill { dims, everything, flux, turn }),
         layout!("Mix", Mix { first_pixel, pixel_count, term_count, pad0, powers }),
         layout!("Restart", Restart { image, bins }),
         layout!("ToneMap", ToneMap { exposure, operator_id, pixel_count, pad0 }),

@@ -414,10 +414,11 @@ fn illuminate(state: &LightState<'_>, scene: &Scene) -> Verdict {
 /// Those of the changes from `old` to `new` that a light field depends on.
 pub fn changes_of_light(old: &Scene, new: &Scene) -> Changes {
     let changes = Changes::between(old, new);
-    let clips = |scene: &Scene| !scene.clip.shadows;
+    // Clipped matter that blocks light all the same makes no difference to light that is not scattered
+    // twice.
+    let clips = |scene: &Scene| !scene.clip.shadows || scene.method == Method::PhotonMap;
     Changes {
         bins: changes.bins & new.volume.macrocells.occurring(new.filter),
-        // Clipped matter that blocks light all the same makes no difference to it.
         clip: changes.clip && (clips(old) || clips(new)),
         clip_shadows: changes.clip_shadows,
         volume: changes.volume,

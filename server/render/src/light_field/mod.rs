@@ -7,6 +7,9 @@ mod tests;
 
 use std::sync::Arc;
 
+use proto::scene_file::Phase;
+use scene::Scene;
+
 use crate::error::RenderError;
 use crate::gpu::Gpu;
 use crate::uniforms;
@@ -26,6 +29,26 @@ pub(crate) struct LightField {
     /// `Field` of the shader.
     pub uniform: wgpu::Buffer,
     gpu: Arc<Gpu>,
+}
+
+/// Texels of a field whose longest edge has about `longest` of them: cells about cubic, none smaller
+/// than a voxel.
+pub(crate) fn dims(scene: &Scene, longest: u32) -> [u32; 3] {
+    let size = scene.grid.size_world;
+    let edge = size.max_element() / f64::from(longest);
+    [0, 1, 2].map(|axis| {
+        let voxels = scene.grid.dims[axis] as f64;
+        (size[axis] / edge).ceil().min(voxels).max(1.0) as u32
+    })
+}
+
+/// Bands that matter needs, at most `most`: isotropic matter without surfaces sees the mean alone.
+pub(crate) fn bands_of(scene: &Scene, most: u32) -> u32 {
+    let isotropic = |point: &scene::transfer_function::Point| {
+        let material = &scene.materials[point.material];
+        material.phase == Phase::Isotropic && material.surface <= 0.0
+    };
+    if scene.transfer_function.points.iter().all(isotropic) { 1 } else { most }
 }
 
 impl LightField {

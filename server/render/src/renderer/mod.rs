@@ -21,6 +21,7 @@ use crate::film::ToneMapper;
 use crate::gpu::Gpu;
 use crate::illumination::Inputs;
 use crate::path_tracer::{PathTracer, PathVariant};
+use crate::photon_map::PhotonPipelines;
 use crate::ray_cast::{RayCaster, Variant, WORKGROUP_EDGE};
 use crate::tables;
 use crate::uniforms::FrameUniform;
@@ -33,7 +34,7 @@ pub use tracing::PathEstimate;
 pub(crate) use tracing::PathFilm;
 
 /// Methods that can be drawn.
-pub const METHODS_BUILT: &[Method] = &[Method::Local, Method::PathTraced];
+pub const METHODS_BUILT: &[Method] = &[Method::Local, Method::PhotonMap, Method::PathTraced];
 
 /// Light computed ahead may take this share of a call's budget; the rest is for the picture.
 const LIGHT_SHARE_OF_BUDGET: f64 = 0.5;
@@ -44,6 +45,7 @@ pub struct Renderer {
     volumes: Arc<VolumeCache>,
     ray_caster: Arc<RayCaster>,
     path_tracer: Arc<PathTracer>,
+    photon_pipelines: Arc<PhotonPipelines>,
     tone_mapper: ToneMapper,
 }
 
@@ -163,9 +165,9 @@ pub fn check(scene: &Scene) -> Result<(), FieldError> {
     if scene.integrator() == Integrator::PathTracer {
         return layers::check_count(scene);
     }
-    if METHODS_BUILT.contains(&scene.method) || cfg!(test) {
+    if METHODS_BUILT.contains(&scene.method) {
         // Projections and slices show data, not light.
-        if !scene.rendering.is_lit() {
+        if !scene.rendering.is_lit() || scene.has_light_field() {
             return Ok(());
         }
         let Some(light) = scene.lights.iter().find(image) else { return Ok(()) };
@@ -190,9 +192,10 @@ impl Renderer {
         let volumes = Arc::new(VolumeCache::new(gpu.clone(), DEFAULT_GPU_BYTES));
         let ray_caster = Arc::new(RayCaster::new(gpu.clone()));
         let path_tracer = Arc::new(PathTracer::new(gpu.clone()));
+        let photon_pipelines = Arc::new(PhotonPipelines::new(gpu.clone()));
         let tone_mapper = ToneMapper::new(gpu.clone())?;
         gpu.take_error()?;
-        Ok(Self { gpu, volumes, ray_caster, path_tracer, tone_mapper })
+        Ok(Self { gpu, volumes, ray_caster, path_tracer, photon_pipelines, tone_mapper })
     }
 
     /// Draws a few pixels with each common variant, so that no viewer waits for a compiler (the
@@ -323,6 +326,7 @@ impl Renderer {
             lights,
             majorants: view.majorants.as_ref().map(|(_, map)| map),
             environment: view.environment.as_ref().map(|(_, tables)| tables),
+            photon_pipelines: &self.photon_pipelines,
         })
     }
 
@@ -405,7 +409,9 @@ impl Renderer {
             })?;
             view.lights = Some((snapshot.clone(), lights));
         }
-        if plan.runs(Pass::UploadEnvironment) || view.environment.is_none() && plan.runs(Pass::PathTrace) {
+        if plan.runs(Pass::UploadEnvironment)
+            || view.environment.is_none() && (plan.runs(Pass::PathTrace) || plan.runs(Pass::Illuminate))
+        {
             let tables = stages.time("upload_environment", || self.environment_tables(scene))?;
             view.environment = Some((snapshot.clone(), tables));
         }

@@ -108,22 +108,7 @@ fn track(path: ptr<function, Path>, pixel: vec2u, steps: ptr<function, u32>) -> 
 
 // Four words of the path's sequence.
 fn draw(path: ptr<function, Path>, pixel: vec2u) -> vec4u {
-    let bits = pcg4d(vec4u(pixel, (*path).draws, path_tracer.seed));
+    let bits = pcg4d(vec4u(pixel, (*path).draws, seed()));
     (*path).draws += 1u;
     return bits;
-}
-
-// The piece of the transfer function that holds at s, if `wanted`: the last control point at or
-// below it. Loops end by their bounds: see `ray_cast` in ray_cast/ray_cast.wgsl.
-fn piece_of(s: f32, wanted: bool) -> i32 {
-    let entry = table_entry(s);
-    var piece = entry.point;
-    let last = i32(steering(frame.point_count)) - 1;
-    var more = select(0, last - piece, wanted && entry.split);
-    for (var i = 0; i < more; i++) {
-        let next = begins_below(piece + 1, s, true);
-        piece += select(0, 1, next);
-        more = select(0, more, next);
-    }
-    return piece;
 }

@@ -1,0 +1,242 @@
+//! The light field of a photon map: the extinction around its texels, and light sums over it.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use scene::{Changes, Scene, Snapshot};
+
+use super::lights::{LightPhotons, flux, sphere_radius};
+use crate::error::RenderError;
+use crate::gpu::{Gpu, buffer_entry, texture_entry};
+use crate::illumination::Inputs;
+use crate::light_field::LightField;
+use crate::uniforms::{self, Fill, Mass};
+
+/// Edge of a brick, texels.
+const BRICK_EDGE: u32 = 4;
+/// Edge of a macrocell, voxels.
+const MACROCELL_EDGE: f64 = 4.0;
+/// Red, green and blue, 64 bits each.
+const SUM_BYTES: u64 = 24;
+/// Eight sums of extinction a cell, f32.
+const MOMENT_BYTES: u64 = 32;
+const WORKGROUP: u32 = 64;
+/// Most workgroups along an axis of a dispatch.
+const MAX_GROUPS: u32 = 65_535;
+
+pub(super) struct FieldOfPhotons {
+    pub light: LightField,
+    /// Of each brick: whether a light sum changed since the field was filled.
+    pub touched: wgpu::Buffer,
+    moments: wgpu::Buffer,
+    totals: wgpu::Buffer,
+    fill_uniform: wgpu::Buffer,
+    mass_uniform: wgpu::Buffer,
+    frame: wgpu::Buffer,
+    /// The scene that the moments are of.
+    mass_of: Option<Arc<Snapshot>>,
+    /// Of the last call of [`Self::fill`].
+    pub bricks_filled: u64,
+}
+
+impl FieldOfPhotons {
+    pub fn new(gpu: &Arc<Gpu>, dims: [u32; 3], bands: u32) -> Result<Self, RenderError> {
+        let storage =
+            wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
+        let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+        let light = LightField::new(gpu, dims, bands)?;
+        let texels: u64 = dims.iter().map(|&n| u64::from(n)).product();
+        let cells: u64 = dims.iter().map(|&n| u64::from(n) + 1).product();
+        let coefficients = u64::from(bands * bands);
+        if texels * coefficients * SUM_BYTES > gpu.max_binding_bytes() {
+            return Err(RenderError::TooLarge {
+                what: format!("a light field of {dims:?} texels with {bands} bands"),
+                limit: format!("{} bytes a buffer", gpu.max_binding_bytes()),
+            });
+        }
+        let bricks: u64 = dims.iter().map(|&n| u64::from(n.div_ceil(BRICK_EDGE))).product();
+        Ok(Self {
+            light,
+            touched: gpu.buffer("touched bricks", 4 * bricks, storage)?,
+            moments: gpu.buffer("extinction around texels", MOMENT_BYTES * cells, storage)?,
+            totals: gpu.buffer("light of all lights", 16 * texels * coefficients, storage)?,
+            fill_uniform: gpu.buffer("fill", std::mem::size_of::<Fill>() as u64, uniform)?,
+            mass_uniform: gpu.buffer("mass", std::mem::size_of::<Mass>() as u64, uniform)?,
+            frame: gpu.buffer("frame", std::mem::size_of::<uniforms::FrameUniform>() as u64, uniform)?,
+            mass_of: None,
+            bricks_filled: 0,
+        })
+    }
+
+    /// Bytes of the light sums of one light.
+    pub fn sum_bytes(&self) -> u64 {
+        let texels: u64 = self.light.dims.iter().map(|&n| u64::from(n)).product();
+        texels * u64::from(self.light.bands * self.light.bands) * SUM_BYTES
+    }
+
+    pub fn bricks(&self) -> u64 {
+        self.touched.size() / 4
+    }
+
+    pub fn bytes(&self) -> u64 {
+        self.light.bytes() + self.touched.size() + self.moments.size() + self.totals.size()
+    }
+
+    /// Adds up extinction around the texels where it changed; whether it did.
+    pub fn bring_mass_to(&mut self, inputs: &Inputs<'_>) -> Result<bool, RenderError> {
+        let scene = &inputs.snapshot.scene;
+        let cells = match &self.mass_of {
+            None => (0..self.moments.size() as u32 / MOMENT_BYTES as u32).collect(),
+            Some(then) => {
+                let changes = Changes::between(&then.scene, scene);
+                if changes.volume || changes.clip {
+                    (0..self.moments.size() as u32 / MOMENT_BYTES as u32).collect()
+                } else {
+                    self.cells_with(scene, changes.bins)
+                }
+            }
+        };
+        self.mass_of = Some(inputs.snapshot.clone());
+        if cells.is_empty() {
+            return Ok(false);
+        }
+        let (gpu, pipelines) = (inputs.gpu, inputs.photon_pipelines);
+        let Some(majorants) = inputs.majorants else {
+            return Err(RenderError::Gpu("a table of the view is missing".into()));
+        };
+        self.touch_around(gpu, &cells)?;
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+        let list = gpu.buffer("cells to be added up", 4 * cells.len() as u64, usage)?;
+        gpu.queue.write_buffer(&list, 0, bytemuck::cast_slice(&cells));
+        let uniform = Mass { dims: self.light.dims, count: cells.len() as u32 };
+        gpu.queue.write_buffer(&self.mass_uniform, 0, bytemuck::bytes_of(&uniform));
+        let frame = crate::frame::scene_uniform(scene, inputs.texture);
+        gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&frame));
+        let bind_group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("add_up_mass"),
+            layout: pipelines.mass_layout(),
+            entries: &[
+                buffer_entry(0, &self.frame),
+                texture_entry(1, &inputs.tables.points),
+                texture_entry(2, &inputs.tables.cells),
+                texture_entry(7, &inputs.texture.view),
+                wgpu::BindGroupEntry {
+                    binding: 8,
+                    resource: wgpu::BindingResource::Sampler(&pipelines.sampler),
+                },
+                texture_entry(9, majorants),
+                buffer_entry(13, &self.mass_uniform),
+                buffer_entry(14, &self.moments),
+                buffer_entry(15, &list),
+            ],
+        });
+        let groups = (cells.len() as u32).div_ceil(WORKGROUP);
+        let columns = groups.min(MAX_GROUPS);
+        gpu.dispatch(&pipelines.mass(scene.filter), &bind_group, [columns, groups.div_ceil(columns)]);
+        gpu.wait()?;
+        Ok(true)
+    }
+
+    /// Cells between texel centres that reach into a macrocell with one of the bins.
+    fn cells_with(&self, scene: &Scene, bins: u64) -> Vec<u32> {
+        let macrocells = &scene.volume.macrocells;
+        let masks = macrocells.masks(scene.filter);
+        let dims = self.light.dims;
+        let across = dims.map(|n| n as usize + 1);
+        let mut stale = vec![false; across.iter().product()];
+        for (index, _) in masks.iter().enumerate().filter(|(_, mask)| *mask & bins != 0) {
+            let [width, height, _] = macrocells.dims;
+            let cell = [index % width, index / width % height, index / (width * height)];
+            // In texels, from the lower edge of the box; cell i spans i - 1/2 .. i + 1/2.
+            let range = |axis: usize| {
+                let texels = f64::from(dims[axis]) / scene.grid.dims[axis] as f64;
+                let low = cell[axis] as f64 * MACROCELL_EDGE * texels;
+                let high = low + MACROCELL_EDGE * texels;
+                let first = (low + 0.5 - 1e-6).floor().max(0.0) as usize;
+                let last = ((high + 0.5 + 1e-6).floor() as usize).min(across[axis] - 1);
+                first..=last
+            };
+            for z in range(2) {
+                for y in range(1) {
+                    for x in range(0) {
+                        stale[(z * across[1] + y) * across[0] + x] = true;
+                    }
+                }
+            }
+        }
+        (0..stale.len()).filter(|&cell| stale[cell]).map(|cell| cell as u32).collect()
+    }
+
+    /// Bricks whose texels have a share in these cells will be filled anew.
+    fn touch_around(&self, gpu: &Gpu, cells: &[u32]) -> Result<(), RenderError> {
+        let dims = self.light.dims;
+        let bricks = dims.map(|n| n.div_ceil(BRICK_EDGE));
+        let bytes = gpu.read_buffer(&self.touched, self.touched.size())?;
+        let mut touched: Vec<u32> = bytemuck::pod_collect_to_vec(&bytes);
+        for &cell in cells {
+            let (width, height) = (dims[0] + 1, dims[1] + 1);
+            let cell = [cell % width, cell / width % height, cell / (width * height)];
+            for corner in 0..8_u32 {
+                // Texels cell - 1 and cell along each axis.
+                let texel = [0, 1, 2]
+                    .map(|axis| (cell[axis] + (corner >> axis & 1)).saturating_sub(1).min(dims[axis] - 1));
+                let brick = texel.map(|n| n / BRICK_EDGE);
+                touched[((brick[2] * bricks[1] + brick[1]) * bricks[0] + brick[0]) as usize] = 1;
+            }
+        }
+        gpu.queue.write_buffer(&self.touched, 0, bytemuck::cast_slice(&touched));
+        Ok(())
+    }
+
+    /// Fills the field from the light sums: touched bricks, or all.
+    pub fn fill(
+        &mut self,
+        inputs: &Inputs<'_>,
+        photons: &BTreeMap<String, LightPhotons>,
+        everything: bool,
+    ) -> Result<(), RenderError> {
+        let (gpu, scene) = (inputs.gpu, &inputs.snapshot.scene);
+        let radius = sphere_radius(scene);
+        let lit: Vec<_> =
+            scene.lights.iter().filter_map(|light| Some((light, photons.get(&light.id)?))).collect();
+        // Irradiance, about, of the brightest channel.
+        let cross_section = std::f64::consts::PI * radius * radius;
+        let brightest: f64 =
+            lit.iter().map(|(light, _)| flux(light, radius).max_element() / cross_section).sum();
+        let scale = if brightest > 0.0 { brightest.min(1e30) } else { 1.0 };
+        self.light.set_scale(scale as f32);
+        let bytes = gpu.read_buffer(&self.touched, self.touched.size())?;
+        let touched: Vec<u32> = bytemuck::pod_collect_to_vec(&bytes);
+        self.bricks_filled = match everything {
+            true => touched.len() as u64,
+            false => touched.iter().filter(|&&flag| flag != 0).count() as u64,
+        };
+        let pipeline = inputs.photon_pipelines.fill(self.light.bands);
+        let groups = self.light.dims.map(|n| n.div_ceil(BRICK_EDGE));
+        for (index, (light, photons)) in lit.iter().enumerate() {
+            let of_one = flux(light, radius) / (scale * photons.traced().max(1) as f64);
+            let uniform = Fill {
+                dims: self.light.dims,
+                everything: u32::from(everything),
+                flux: of_one.as_vec3().to_array(),
+                turn: u32::from(index == 0) + 2 * u32::from(index + 1 == lit.len()),
+            };
+            gpu.queue.write_buffer(&self.fill_uniform, 0, bytemuck::bytes_of(&uniform));
+            let bind_group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+                label: Some("fill_field"),
+                layout: inputs.photon_pipelines.fill_layout(),
+                entries: &[
+                    buffer_entry(0, &self.fill_uniform),
+                    buffer_entry(1, &photons.sums),
+                    buffer_entry(2, &self.moments),
+                    buffer_entry(3, &self.touched),
+                    buffer_entry(4, &self.totals),
+                    texture_entry(5, &self.light.view),
+                ],
+            });
+            gpu.dispatch_3d(&pipeline, &bind_group, groups);
+        }
+        gpu.queue.write_buffer(&self.touched, 0, bytemuck::cast_slice(&vec![0_u32; touched.len()]));
+        gpu.wait()
+    }
+}

@@ -1,0 +1,207 @@
+//! Method `photon_map`: photons with historygrams, and the light field they make
+//! (shaders/photon_map/README.md).
+
+mod field;
+mod lights;
+mod pipelines;
+mod stale;
+#[cfg(test)]
+#[allow(clippy::unwrap_used, clippy::expect_used)]
+mod tests;
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Instant;
+
+use scene::scene::Snapshot;
+use scene::{Light, Scene};
+
+use crate::error::RenderError;
+use crate::illumination::{Inputs, Progress};
+use crate::light_field::LightField;
+use field::FieldOfPhotons;
+use lights::{Bench, Left, LightPhotons};
+pub(crate) use pipelines::PhotonPipelines;
+
+/// What a map is laid out for: another layout is another map.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Layout {
+    /// Photons of a light.
+    photons: u32,
+    /// Most interactions of a photon.
+    slots: u32,
+    /// Texels of the field.
+    dims: [u32; 3],
+    bands: u32,
+    nearest: bool,
+    volume: [u8; 32],
+}
+
+impl Layout {
+    fn of(scene: &Scene) -> Self {
+        use proto::scene_file::{Filter, Orders};
+        let settings = &scene.illumination;
+        let slots = match scene.orders {
+            Orders::All => settings.photon_events,
+            Orders::AtMost(count) => count.min(settings.photon_events),
+        };
+        Self {
+            photons: settings.photons,
+            slots,
+            dims: crate::light_field::dims(scene, settings.photon_grid),
+            bands: crate::light_field::bands_of(scene, settings.photon_bands),
+            nearest: scene.filter == Filter::Nearest,
+            volume: scene.volume.content,
+        }
+    }
+}
+
+/// The photon map of a session.
+pub(crate) struct PhotonMap {
+    layout: Layout,
+    bench: Bench,
+    field: FieldOfPhotons,
+    /// By the light's identifier.
+    lights: BTreeMap<String, LightPhotons>,
+    /// What the field was filled for: colours of lights, and how many photons share them.
+    filled: Option<(Arc<Snapshot>, u64)>,
+}
+
+impl PhotonMap {
+    /// # Errors
+    /// Out of memory; a field too large for the device.
+    pub fn new(inputs: &Inputs<'_>) -> Result<Self, RenderError> {
+        let layout = Layout::of(&inputs.snapshot.scene);
+        Ok(Self {
+            layout,
+            bench: Bench::new(inputs.gpu)?,
+            field: FieldOfPhotons::new(inputs.gpu, layout.dims, layout.bands)?,
+            lights: BTreeMap::new(),
+            filled: None,
+        })
+    }
+
+    /// Traces stale photons until the deadline, and brings the field up to what is there then.
+    pub fn advance(
+        &mut self,
+        inputs: &Inputs<'_>,
+        deadline: Option<Instant>,
+        counters: &mut BTreeMap<String, u64>,
+    ) -> Result<Progress, RenderError> {
+        let scene = &inputs.snapshot.scene;
+        if Layout::of(scene) != self.layout {
+            *self = Self::new(inputs)?;
+        }
+        let mut changed = self.field.bring_mass_to(inputs)?;
+        changed |= self.bring_lights_to(inputs)?;
+        let mut work = Work::default();
+        let is_late = || deadline.is_some_and(|deadline| Instant::now() >= deadline);
+        let mut goes_on = true;
+        // Of each light in turn, so that none is missing for long.
+        while goes_on {
+            goes_on = false;
+            for (index, light) in scene.lights.iter().enumerate() {
+                let Some(photons) = self.lights.get_mut(&light.id) else { continue };
+                let turn = Turn { inputs, light, index, field: &self.field, layout: self.layout };
+                let mut left = photons.trace_some(&turn, &mut self.bench, &mut work)?;
+                while left == Left::SamePhotons && !is_late() {
+                    left = photons.trace_some(&turn, &mut self.bench, &mut work)?;
+                }
+                goes_on |= left != Left::Nothing;
+                if is_late() {
+                    goes_on = false;
+                    break;
+                }
+            }
+        }
+        changed |= work.dispatches > 0;
+        let traced = self.lights.values().map(LightPhotons::traced).sum();
+        let recoloured = self
+            .filled
+            .as_ref()
+            .is_none_or(|(then, shared)| then.scene.lights != scene.lights || *shared != traced);
+        if changed || recoloured {
+            self.field.fill(inputs, &self.lights, recoloured)?;
+            self.filled = Some((inputs.snapshot.clone(), traced));
+        }
+        let (current, total) = self.photons_current(inputs.snapshot);
+        work.count(counters, total);
+        counters.insert("bricks_recomputed".into(), self.field.bricks_filled);
+        counters.insert("bricks_reused".into(), self.field.bricks() - self.field.bricks_filled);
+        let completeness = if total > 0 { current as f32 / total as f32 } else { 1.0 };
+        Ok(Progress { complete: current == total, completeness, changed: changed || recoloured })
+    }
+
+    /// Drops photons of lights that are gone, and makes room for those of new ones. Whether anything
+    /// was there to be dropped.
+    fn bring_lights_to(&mut self, inputs: &Inputs<'_>) -> Result<bool, RenderError> {
+        let scene = &inputs.snapshot.scene;
+        let before = self.lights.len();
+        self.lights.retain(|id, _| scene.lights.iter().any(|light| light.id == *id));
+        let dropped = self.lights.len() < before;
+        for light in &scene.lights {
+            if !self.lights.contains_key(&light.id) {
+                let photons = LightPhotons::new(inputs.gpu, &light.id, self.layout, &self.field)?;
+                self.lights.insert(light.id.clone(), photons);
+            }
+        }
+        if dropped {
+            self.filled = None;
+        }
+        Ok(dropped)
+    }
+
+    /// Photons that are the snapshot's, and all.
+    fn photons_current(&self, snapshot: &Arc<Snapshot>) -> (u64, u64) {
+        let total = self.lights.len() as u64 * u64::from(self.layout.photons);
+        let current = self.lights.values().map(|photons| photons.current(snapshot)).sum();
+        (current, total)
+    }
+
+    pub fn field(&self) -> &LightField {
+        &self.field.light
+    }
+
+    pub fn bytes(&self) -> u64 {
+        let photons: u64 = self.lights.values().map(LightPhotons::bytes).sum();
+        self.bench.bytes() + self.field.bytes() + photons
+    }
+
+    /// Every buffer of a light's photons and its sums, for tests of equality.
+    #[cfg(test)]
+    pub fn contents(&self, gpu: &crate::gpu::Gpu) -> Result<BTreeMap<String, Vec<Vec<u8>>>, RenderError> {
+        self.lights.iter().map(|(id, photons)| Ok((id.clone(), photons.contents(gpu)?))).collect()
+    }
+}
+
+/// A light's turn.
+struct Turn<'a> {
+    inputs: &'a Inputs<'a>,
+    light: &'a Light,
+    /// Its place in the table of sources.
+    index: usize,
+    field: &'a FieldOfPhotons,
+    layout: Layout,
+}
+
+/// Work of a call.
+#[derive(Default)]
+struct Work {
+    dispatches: u64,
+    tentative_collisions: u64,
+    cells: u64,
+    interactions: u64,
+    recomputed: u64,
+    cut_1024ths: u64,
+}
+
+impl Work {
+    fn count(&self, counters: &mut BTreeMap<String, u64>, total: u64) {
+        counters.insert("photons_recomputed".into(), self.recomputed);
+        counters.insert("photons_reused".into(), total.saturating_sub(self.recomputed));
+        counters.insert("photon_interactions".into(), self.interactions);
+        counters.insert("tentative_collisions".into(), self.tentative_collisions);
+        counters.insert("cells_looked_up".into(), self.cells);
+        counters.insert("throughput_cut_1024ths".into(), self.cut_1024ths);
+    }
+}

@@ -1,0 +1,236 @@
+//! Photon maps against what they must equal.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::time::Duration;
+
+use scene::plan::Target;
+use scene::{PreparedVolume, Scene, Snapshot, Volume, Voxels};
+use serde_json::{Value, json};
+
+use crate::{AdapterPolicy, DrawRequest, Drawn, Gpu, Renderer, View};
+
+fn renderer() -> MutexGuard<'static, Renderer> {
+    static RENDERER: OnceLock<Mutex<Renderer>> = OnceLock::new();
+    let open = || Mutex::new(Renderer::new(Gpu::open(AdapterPolicy::Any).unwrap()).unwrap());
+    RENDERER.get_or_init(open).lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Three balls of different values in air.
+fn balls(edge: usize) -> Arc<PreparedVolume> {
+    let mut voxels = vec![0u8; edge * edge * edge];
+    for (center, radius, value) in
+        [([0.3, 0.35, 0.5], 0.2, 90.0), ([0.7, 0.6, 0.45], 0.22, 160.0), ([0.5, 0.2, 0.7], 0.15, 230.0)]
+    {
+        for (i, voxel) in voxels.iter_mut().enumerate() {
+            let at = [i % edge, i / edge % edge, i / (edge * edge)];
+            let d: f64 = (0..3).map(|k| ((at[k] as f64 + 0.5) / edge as f64 - center[k]).powi(2)).sum();
+            let inside = ((radius - d.sqrt()) * edge as f64 + 0.5).clamp(0.0, 1.0);
+            *voxel = (*voxel).max((inside * value) as u8);
+        }
+    }
+    Arc::new(PreparedVolume::new(Volume::new([edge; 3], Voxels::U8(voxels)), &|_| {}))
+}
+
+fn file(patches: &[Value]) -> Value {
+    let mut file = json!({"version": 1, "volume": {"builtin": "homogeneous"},
+        "camera": {"position": [0.4, 0.5, 2.4], "target": [0, 0, 0], "up": [0, 1, 0], "fov_y_degrees": 30},
+        "background": [0.02, 0.02, 0.02],
+        "lights": [{"id": "sun", "type": "directional", "direction": [-1, -1, -0.5], "irradiance": [3, 3, 3]}],
+        "transfer_function": {"points": [
+            {"s": 0.1, "extinction": 0, "albedo": [0.9, 0.9, 0.9]},
+            {"s": 0.3, "extinction": 12, "albedo": [0.9, 0.5, 0.3]},
+            {"s": 0.6, "extinction": 20, "albedo": [0.4, 0.9, 0.5]},
+            {"s": 0.95, "extinction": 40, "albedo": [0.6, 0.6, 0.95]}]},
+        "illumination": {"method": "photon_map", "photons": 4096, "photon_grid": 16, "photon_events": 8}});
+    for patch in patches {
+        json_patch(&mut file, patch);
+    }
+    file
+}
+
+fn json_patch(base: &mut Value, patch: &Value) {
+    match patch.as_object() {
+        Some(fields) if base.is_object() => {
+            for (key, value) in fields {
+                json_patch(&mut base[key], value);
+            }
+        }
+        _ => *base = patch.clone(),
+    }
+}
+
+fn snapshot(volume: &Arc<PreparedVolume>, patches: &[Value], epoch: u32) -> Arc<Snapshot> {
+    let file = proto::SceneFile::from_value(file(patches)).unwrap();
+    Arc::new(Snapshot { epoch, scene: Scene::new(&file, volume.clone()).unwrap() })
+}
+
+const TARGET: Target = Target { width: 32, height: 32, samples_per_pixel: 1 };
+
+fn draw(renderer: &mut Renderer, view: &mut View, snapshot: &Arc<Snapshot>) -> Drawn {
+    let drawn = renderer.draw(view, &DrawRequest { snapshot, target: TARGET, budget: None }).unwrap();
+    assert!(drawn.complete && drawn.illumination == 1.0);
+    drawn
+}
+
+/// Photons and light sums, by light; and the picture.
+fn result(renderer: &mut Renderer, view: &View) -> (BTreeMap<String, Vec<Vec<u8>>>, Vec<f32>) {
+    let light = view.light.lock();
+    let contents = light.photon_map().unwrap().contents(renderer.gpu()).unwrap();
+    drop(light);
+    (contents, renderer.radiance(view).unwrap().rgb)
+}
+
+fn from_scratch(
+    renderer: &mut Renderer,
+    snapshot: &Arc<Snapshot>,
+) -> (BTreeMap<String, Vec<Vec<u8>>>, Vec<f32>) {
+    let mut view = View::new();
+    draw(renderer, &mut view, snapshot);
+    result(renderer, &view)
+}
+
+fn equal(renderer: &mut Renderer, view: &View, snapshot: &Arc<Snapshot>, after: &str) {
+    let (photons, picture) = result(renderer, view);
+    let (expected, expected_picture) = from_scratch(renderer, snapshot);
+    assert_eq!(photons.keys().collect::<Vec<_>>(), expected.keys().collect::<Vec<_>>(), "{after}");
+    for (id, buffers) in &expected {
+        for (index, (found, wanted)) in photons[id].iter().zip(buffers).enumerate() {
+            let differs = found.iter().zip(wanted).position(|(a, b)| a != b);
+            assert_eq!(differs, None, "{after}: buffer {index} of light {id}, of {} bytes", found.len());
+        }
+    }
+    let differs = picture.iter().zip(&expected_picture).position(|(a, b)| a.to_bits() != b.to_bits());
+    assert_eq!(differs, None, "{after}: the picture");
+}
+
+/// A mean over pixels of what a method shows.
+fn mean(renderer: &mut Renderer, volume: &Arc<PreparedVolume>, patches: &[Value]) -> f64 {
+    let snapshot = snapshot(volume, patches, 1);
+    let mut view = View::new();
+    let target = Target { samples_per_pixel: snapshot.scene.samples_at_rest(), ..TARGET };
+    renderer.draw(&mut view, &DrawRequest { snapshot: &snapshot, target, budget: None }).unwrap();
+    let rgb = renderer.radiance(&view).unwrap().rgb;
+    rgb.iter().map(|&x| f64::from(x)).sum::<f64>() / rgb.len() as f64
+}
+
+/// Every kind of light brings about as much as the unbiased path tracer says.
+#[test]
+fn every_light_is_as_bright_as_followed_from_the_eye() {
+    let mut renderer = renderer();
+    let volume = balls(24);
+    let lights = [
+        json!({"type": "directional", "direction": [-1, -1, -0.5], "irradiance": [3, 3, 3]}),
+        json!({"type": "environment", "radiance": [1, 0.6, 0.3]}),
+        json!({"type": "point", "position": [1.2, 0.9, 0.7], "intensity": [5, 5, 5]}),
+        json!({"type": "point", "position": [0.02, 0.01, 0.45], "intensity": [0.2, 0.2, 0.2]}),
+        json!({"type": "spot", "position": [0.9, 1.3, 0.4], "direction": [-0.9, -1.3, -0.4],
+            "intensity": [8, 8, 8], "cone_degrees": [10, 16]}),
+        json!({"type": "sphere", "center": [0.2, 1.1, 0.8], "radius": 0.2, "radiance": [20, 20, 20]}),
+        json!({"type": "rectangle", "center": [0.3, 0.2, 1.4], "normal": [-0.2, -0.1, -1], "up": [0, 1, 0],
+            "size": [0.8, 0.5], "radiance": [6, 6, 6]}),
+        json!({"type": "disk", "center": [1.2, 0.1, 0.0], "normal": [-1, 0, 0], "radius": 0.3,
+            "radiance": [9, 9, 9]}),
+    ];
+    for light in lights {
+        let lit = json!({"lights": [light], "background": [0, 0, 0], "density": 0.2});
+        let traced = json!({"illumination": {"method": "path_traced", "paths_per_pixel": 64}});
+        let photons = json!({"illumination": {"photons": 32768, "photon_grid": 24}});
+        let found = mean(&mut renderer, &volume, &[lit.clone(), photons]);
+        let expected = mean(&mut renderer, &volume, &[lit.clone(), traced]);
+        eprintln!("{found:.5} {expected:.5} {:+.3} {}", found / expected - 1.0, lit["lights"][0]);
+        assert!((found / expected - 1.0).abs() < 0.06, "{found} for {expected}: {lit}");
+    }
+}
+
+fn edits() -> Vec<(&'static str, Value)> {
+    let points = |scale: f64, red: f64| {
+        json!({"transfer_function": {"points": [
+            {"s": 0.1, "extinction": 0, "albedo": [0.9, 0.9, 0.9]},
+            {"s": 0.3, "extinction": 12, "albedo": [red, 0.5, 0.3]},
+            {"s": 0.6, "extinction": 20, "albedo": [0.4, 0.9, 0.5]},
+            {"s": 0.95, "extinction": 40.0 * scale, "albedo": [0.6, 0.6, 0.95]}]}})
+    };
+    let sun =
+        json!({"id": "sun", "type": "directional", "direction": [-1, -1, -0.5], "irradiance": [3, 3, 3]});
+    let lamp = |x: f64, power: f64| json!({"id": "lamp", "type": "point", "position": [x, 0.9, 0.9], "intensity": [power, power, power]});
+    vec![
+        ("colour", points(1.0, 0.2)),
+        ("opacity", points(3.0, 0.2)),
+        ("to nothing", points(0.0, 0.2)),
+        ("and back", points(1.0, 0.9)),
+        ("density", json!({"density": 1.7})),
+        ("a light more", json!({"lights": [sun, lamp(1.0, 2.0)]})),
+        ("a light brighter", json!({"lights": [sun, lamp(1.0, 5.0)]})),
+        ("a light moves", json!({"lights": [sun, lamp(0.3, 5.0)]})),
+        ("clip box", json!({"clip": {"box": [[0, 0, 0], [1, 0.55, 1]]}})),
+        (
+            "clip plane",
+            json!({"clip": {"box": [[0, 0, 0], [1, 1, 1]],
+            "planes": [{"normal": [1, 0.3, 0], "offset": -0.1}]}}),
+        ),
+        ("clipped matter casts no shadows", json!({"clip": {"shadows": false}})),
+        ("another clip plane", json!({"clip": {"planes": [{"normal": [0, 1, 0.2], "offset": -0.2}]}})),
+        ("other order of lights", json!({"lights": [lamp(0.3, 5.0), sun]})),
+        ("a light less", json!({"lights": [lamp(0.3, 5.0)]})),
+        ("window", json!({"value_range": [0.0, 200.0]})),
+        (
+            "a surface",
+            json!({"materials": {"shiny": {"surface": 0.8,
+                "brdf": {"type": "blinn_phong", "diffuse": 0.6, "specular": 0.3, "exponent": 30}}},
+            "transfer_function": {"points": [
+                {"s": 0.1, "extinction": 0, "albedo": [0.9, 0.9, 0.9]},
+                {"s": 0.3, "extinction": 12, "albedo": [0.9, 0.5, 0.3]},
+                {"s": 0.6, "extinction": 30, "albedo": [0.4, 0.9, 0.5], "material": "shiny"},
+                {"s": 0.95, "extinction": 40, "albedo": [0.6, 0.6, 0.95]}]}}),
+        ),
+        ("the camera", json!({"camera": {"position": [1.5, 0.5, 1.8]}})),
+    ]
+}
+
+/// After every edit of a long sequence photons, sums and picture are those of a map made from scratch.
+#[test]
+fn edits_leave_what_a_new_map_would_be() {
+    let mut renderer = renderer();
+    let volume = balls(24);
+    let mut patches = vec![];
+    let mut view = View::new();
+    draw(&mut renderer, &mut view, &snapshot(&volume, &patches, 1));
+    for (epoch, (name, edit)) in edits().into_iter().enumerate() {
+        patches.push(edit);
+        let snapshot = snapshot(&volume, &patches, epoch as u32 + 2);
+        let drawn = draw(&mut renderer, &mut view, &snapshot);
+        let count = |what: &str| drawn.counters.get(what).copied();
+        eprintln!(
+            "{name}: {:?} photons anew, {:?} kept, bricks {:?}",
+            count("photons_recomputed"),
+            count("photons_reused"),
+            count("bricks_recomputed")
+        );
+        equal(&mut renderer, &view, &snapshot, name);
+    }
+}
+
+/// Edits that come while the map is being brought up to the one before.
+#[test]
+fn interrupted_updates_leave_nothing_behind() {
+    let mut renderer = renderer();
+    let volume = balls(24);
+    let many = json!({"illumination": {"photons": 40000}, "density": 2.0});
+    let mut patches = vec![many];
+    let mut view = View::new();
+    draw(&mut renderer, &mut view, &snapshot(&volume, &patches, 1));
+    let mut unfinished = 0;
+    for (epoch, (_, edit)) in edits().into_iter().enumerate() {
+        patches.push(edit);
+        let snapshot = snapshot(&volume, &patches, epoch as u32 + 2);
+        let request =
+            DrawRequest { snapshot: &snapshot, target: TARGET, budget: Some(Duration::from_micros(1)) };
+        unfinished += usize::from(renderer.draw(&mut view, &request).unwrap().illumination < 1.0);
+        if epoch % 5 == 4 {
+            draw(&mut renderer, &mut view, &snapshot);
+            equal(&mut renderer, &view, &snapshot, &format!("{epoch} edits"));
+        }
+    }
+    assert!(unfinished > 5, "only {unfinished} updates were interrupted");
+}

@@ -1,0 +1,83 @@
+// Light sums into the light field: for each light in turn its sums times its colour; after the last one
+// they are divided by the extinction around the texel.
+
+@group(0) @binding(0) var<uniform> fill: Fill;
+@group(0) @binding(1) var<storage, read> sums: array<u32>;
+@group(0) @binding(2) var<storage, read> moments: array<f32>;
+@group(0) @binding(3) var<storage, read> touched: array<u32>;
+// Of each texel and coefficient: lights so far.
+@group(0) @binding(4) var<storage, read_write> totals: array<vec4f>;
+@group(0) @binding(5) var light_field: texture_storage_3d<rgba16float, write>;
+
+override BANDS: u32 = 1u;
+const UNIT = 262144.0;
+// Largest number of the texture.
+const LARGEST = 65504.0;
+
+struct Fill {
+    // Texels of the field.
+    dims: vec3u,
+    // 1: all bricks; else those that were touched.
+    everything: u32,
+    // Flux of a photon over the field's scale.
+    flux: vec3f,
+    // 1: of the first light; 2: of the last one.
+    turn: u32,
+}
+
+@compute @workgroup_size(4, 4, 4)
+fn fill_field(@builtin(global_invocation_id) texel: vec3u, @builtin(workgroup_id) brick: vec3u) {
+    let bricks = (fill.dims + 3u) / 4u;
+    let is_touched = touched[(brick.z * bricks.y + brick.y) * bricks.x + brick.x] != 0u;
+    if any(texel >= fill.dims) || !(is_touched || fill.everything == 1u) { return; }
+    let index = (texel.z * fill.dims.y + texel.y) * fill.dims.x + texel.x;
+    var mass = 0.0;
+    let is_last = (fill.turn & 2u) != 0u;
+    if is_last { mass = mass_around(texel); }
+    let coefficients = BANDS * BANDS;
+    for (var k = 0u; k < coefficients; k++) {
+        let at = index * coefficients + k;
+        let first = 6u * at;
+        let sum = vec3f(number(first), number(first + 2u), number(first + 4u)) / UNIT;
+        var total = fill.flux * sum;
+        if (fill.turn & 1u) == 0u { total += totals[at].xyz; }
+        totals[at] = vec4f(total, 0.0);
+        if is_last {
+            let tile = vec3u(k % BANDS, 0u, k / BANDS) * fill.dims;
+            var radiance = vec3f(0.0);
+            if mass > 0.0 { radiance = clamp(total / mass, vec3f(-LARGEST), vec3f(LARGEST)); }
+            let weight = select(0.0, 1.0, mass > 0.0 && k == 0u);
+            textureStore(light_field, texel + tile, vec4f(radiance, weight));
+        }
+    }
+}
+
+// A signed 64-bit number in two words, about.
+fn number(first: u32) -> f32 {
+    let low = sums[first];
+    let high = sums[first + 1u];
+    let is_negative = high >= 0x80000000u;
+    // The magnitude, so that small negative numbers keep their digits.
+    let borrow = select(0u, 1u, low != 0u);
+    let magnitude_low = select(low, ~low + 1u, is_negative);
+    let magnitude_high = select(high, ~high + 1u - borrow, is_negative);
+    let magnitude = f32(magnitude_high) * 4294967296.0 + f32(magnitude_low);
+    return select(magnitude, -magnitude, is_negative);
+}
+
+// What the cells around a texel have for it. At the border both corners of a cell may be the same
+// texel.
+fn mass_around(texel: vec3u) -> f32 {
+    var sum = 0.0;
+    let across = fill.dims + 1u;
+    for (var i = 0u; i < 8u; i++) {
+        let cell = texel + vec3u(i & 1u, (i >> 1u) & 1u, i >> 2u);
+        let first = 8u * ((cell.z * across.y + cell.y) * across.x + cell.x);
+        for (var corner = 0u; corner < 8u; corner++) {
+            let upper = vec3u(corner & 1u, (corner >> 1u) & 1u, corner >> 2u);
+            let held = clamp(vec3i(cell) - 1 + vec3i(upper), vec3i(0), vec3i(fill.dims) - 1);
+            if all(held == vec3i(texel)) { sum += moments[first + corner]; }
+        }
+    }
+    return sum;
+}

@@ -1,0 +1,55 @@
+// How much extinction there is around the texels of the field: what photons' interactions are compared
+// with. Between eight texel centres extinction is added up with their trilinear weights, which are the
+// shares of `deposit`: the quotient of the two is fluence, wherever matter begins and ends.
+
+// Cells between texel centres, one more than texels along each axis: of each eight sums.
+@group(0) @binding(14) var<storage, read_write> moments: array<f32>;
+// Cells to be added up.
+@group(0) @binding(15) var<storage, read> cells: array<u32>;
+@group(0) @binding(13) var<uniform> mass: Mass;
+@group(0) @binding(9) var macrocells: texture_3d<u32>;
+
+struct Mass {
+    // Texels of the field.
+    dims: vec3u,
+    // Cells to be added up.
+    count: u32,
+}
+
+// Places along an axis of a cell.
+const PLACES = 4u;
+
+@compute @workgroup_size(64)
+fn add_up_mass(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    always_zero = id.z;
+    let which = id.y * groups.x * 64u + id.x;
+    let cell_index = cells[min(which, mass.count - 1u)];
+    let across = mass.dims + 1u;
+    let cell = vec3f(f32(cell_index % across.x), f32(cell_index / across.x % across.y), f32(cell_index / (across.x * across.y)));
+    let dims = vec3f(mass.dims);
+    let last_macrocell = vec3i(textureDimensions(macrocells)) - 1;
+    var sums = array<f32, 8>();
+    let step = frame.size_world / (dims * f32(PLACES));
+    let volume = step.x * step.y * step.z;
+    for (var i = 0u; i < PLACES * PLACES * PLACES; i++) {
+        let part = (vec3f(f32(i % PLACES), f32(i / PLACES % PLACES), f32(i / (PLACES * PLACES))) + 0.5) / f32(PLACES);
+        let uvw = (cell - 0.5 + part) / dims;
+        let x = (uvw - 0.5) * frame.size_world;
+        // Cells at the border stick half out of the box.
+        var wanted = all(uvw > vec3f(0.0)) && all(uvw < vec3f(1.0));
+        let macrocell = clamp(vec3i(floor(uvw * frame.voxels / 4.0)), vec3i(0), last_macrocell);
+        wanted = wanted && bitcast<f32>(textureLoad(macrocells, macrocell, 0).x) > 0.0;
+        if wanted && keeps(x) {
+            let s = s_of_texel(texel_value(uvw));
+            let sigma_t = sigma_t_in(piece_of(s, true), s);
+            for (var corner = 0u; corner < 8u; corner++) {
+                let upper = vec3u(corner & 1u, (corner >> 1u) & 1u, corner >> 2u);
+                let near = select(1.0 - part, part, upper == vec3u(1u));
+                sums[corner] += sigma_t * volume * (near.x * near.y * near.z);
+            }
+        }
+    }
+    if which < mass.count {
+        for (var corner = 0u; corner < 8u; corner++) { moments[8u * cell_index + corner] = sums[corner]; }
+    }
+}

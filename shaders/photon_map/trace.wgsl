@@ -1,0 +1,179 @@
+// Method `photon_map`: photons followed from a light, each interaction stored with the bins and blocks
+// that everything up to it relied on (its historygram), so that after an edit a photon is taken up
+// again behind its last valid interaction (README.md). An invocation works on one photon: where it has
+// got to is kept between dispatches, so that no dispatch is long.
+//
+// Every stored interaction is also part of the light sums (deposit.wgsl): taken out before it is
+// overwritten, added when it is stored. Sums are integers: their order makes no difference, and a
+// photon taken out leaves nothing behind.
+
+// Pairs of low and high words: tentative collisions, cells looked up, interactions, 1024ths of throughput
+// cut off; then one word: photons unfinished.
+@group(0) @binding(6) var<storage, read_write> counters: array<atomic<u32>>;
+const PHOTON_COUNTERS = 4u;
+const CUT_UNIT = 1024.0;
+var<workgroup> group_counts: array<atomic<u32>, PHOTON_COUNTERS>;
+var<workgroup> group_unfinished: atomic<u32>;
+
+@compute @workgroup_size(64)
+fn trace_photons(
+    @builtin(global_invocation_id) id: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    always_zero = id.z;
+    let inside = id.x < photons.count;
+    let local = min(id.x, photons.count - 1u);
+    var path = paths[local];
+    var blocks = vec2u(0u);
+    // Values that are loaded here and used behind the loop crash the compiler of Mesa 22's software
+    // device; this one is set in it.
+    var is_at_work = false;
+    // While a photon is under way, what it relied on is kept at its end.
+    let works = path.stage != DONE || path.light > path.scatterings;
+    if inside && works {
+        let met = ends[2u * local];
+        bins_met = met.xy;
+        blocks = met.zw;
+    }
+    var interactions = 0u;
+    var cut = 0.0;
+    var rays = select(0u, steering(photons.rays), inside && works);
+    var steps = select(0u, steering(photons.steps), rays > 0u);
+    for (var i = 0u; i < rays; i++) {
+        is_at_work = true;
+        let photon = vec2u(photons.first + local, photons.key);
+        let base = local * photons.slots;
+        // Interactions that are stale are taken out first, the last one first.
+        let undoes = path.light > path.scatterings;
+        var slot = base + path.light - 1u;
+        var sign = select(0, -1, undoes);
+        if !undoes && path.stage == AT { scatter_on(&path, photon); }
+        if !undoes && path.stage == FLIGHT + TO_BEGIN { begin_ray(&path, photon); }
+        let flies = !undoes && path.stage == FLIGHT;
+        let whole = max(box_interval(Ray(path.origin, path.direction), -0.5 * frame.size_world, 0.5 * frame.size_world), vec2f(0.0));
+        // Lanes that do not fly have nowhere to go (see `path_trace`).
+        var flight = path;
+        flight.end = select(0.0, path.end, flies);
+        var outcome = track(&flight, photon, &steps);
+        if flies { path = flight; }
+        if !undoes && (outcome != UNFINISHED || !flies) {
+            let collides = flies && outcome == COLLISION;
+            let until = select(whole.y, path.t, collides);
+            blocks |= blocks_on_way(path.origin, path.direction, whole.x, until, flies);
+            let x = path.origin + path.t * path.direction;
+            let stores = collides && keeps(x);
+            slot = base + path.light;
+            if stores {
+                places[slot] = vec4f(x, bitcast<f32>(path.draws));
+                ways[slot] = vec4f(path.direction, path.throughput.x);
+                histories[2u * slot] = vec4u(bins_met, blocks);
+                histories[2u * slot + 1u] = vec4u(bitcast<vec2u>(path.throughput.yz), 0u, 0u);
+                path.origin = x;
+                path.light += 1u;
+                path.scatterings += 1u;
+                interactions += 1u;
+                sign = 1;
+            }
+            let last = path.light == photons.slots;
+            if flies && (outcome == LOST || stores && last) { cut += max_of(path.throughput); }
+            path.stage = select(DONE, AT, stores && !last);
+        }
+        deposit(places[slot].xyz, ways[slot].xyz,
+            vec3f(ways[slot].w, bitcast<vec2f>(histories[2u * slot + 1u].xy)), sign);
+        if undoes { path.light -= 1u; }
+        if path.stage == DONE && path.light == path.scatterings || steps == 0u { rays = 0u; }
+    }
+    let finished = path.stage == DONE && path.light == path.scatterings;
+    if inside {
+        paths[local] = path;
+        if is_at_work {
+            ends[2u * local] = vec4u(bins_met, blocks);
+            ends[2u * local + 1u].x = path.light | select(UNFINISHED_PHOTON, 0u, finished);
+        }
+        atomicAdd(&group_unfinished, select(1u, 0u, finished));
+        atomicAdd(&group_counts[0], lookups.x);
+        atomicAdd(&group_counts[1], lookups.y);
+        atomicAdd(&group_counts[2], interactions);
+        atomicAdd(&group_counts[3], u32(round(CUT_UNIT * cut)));
+    }
+    workgroupBarrier();
+    if lane < PHOTON_COUNTERS {
+        let amount = atomicLoad(&group_counts[lane]);
+        let before = atomicAdd(&counters[2u * lane], amount);
+        if before + amount < before { atomicAdd(&counters[2u * lane + 1u], 1u); }
+    } else if lane == PHOTON_COUNTERS {
+        atomicAdd(&counters[2u * PHOTON_COUNTERS], atomicLoad(&group_unfinished));
+    }
+}
+
+// At an interaction: the way on, or the end.
+fn scatter_on(path: ptr<function, Path>, photon: vec2u) {
+    let x = (*path).origin;
+    let back = -(*path).direction;
+    // From the place, not from the way to it: a photon that is taken up again has only the place.
+    let s = s_of_texel(texel_value(x / frame.size_world + 0.5));
+    let place = place_in(piece_of(s, true), s);
+    let albedo = albedo_at(place);
+    var n = vec3f(0.0);
+    if SURFACES {
+        if materials[place.material].surface > 0.0 { n = normal_at(x, back); }
+    }
+    let at = scatterer(materials[place.material], albedo, back, n);
+    let way = sample_direction(at, unit4(draw(path, photon)));
+    let density = direction_density(at, way);
+    let factor = scattered_light(at, way) / density;
+    let chance = unit2(draw(path, photon).xy).x;
+    let scattered_on = (*path).throughput * factor;
+    // Russian roulette: the brightest channel does not change its value.
+    let survival = min(max_of(scattered_on) / max_of((*path).throughput), 1.0);
+    let ends_here = !(density > 0.0 && dot(way, way) > 0.0 && max_of(scattered_on) > 0.0) || chance >= survival;
+    (*path).stage = select(FLIGHT + TO_BEGIN, DONE, ends_here);
+    if !ends_here {
+        (*path).throughput = scattered_on / survival;
+        (*path).direction = way;
+        (*path).end = FARTHEST;
+    }
+}
+
+// Scattering per unit of extinction of light that arrives from `at.w_o`, towards `way`: the cosine is
+// that of the light's side.
+fn scattered_light(at: Scatterer, way: vec3f) -> vec3f {
+    var value = (1.0 - at.surface) * phase_between(at.material, at.w_o, way) * at.albedo;
+    if SURFACES {
+        if at.surface > 0.0 && dot(at.n, way) > 0.0 {
+            let f_r = brdf(at.material, at.n, at.w_o, way);
+            value += at.surface * max(dot(at.n, at.w_o), 0.0) * (f_r.x * at.albedo + f_r.y);
+        }
+    }
+    return value;
+}
+
+// Blocks of 4^3 in the volume's box that a way leads through, if it is `wanted`, as a mask.
+fn blocks_on_way(origin: vec3f, direction: vec3f, from_t: f32, to_t: f32, wanted: bool) -> vec2u {
+    let per_world = 4.0 / frame.size_world;
+    let start = (origin + 0.5 * frame.size_world) * per_world;
+    let slope = direction * per_world;
+    let tiny = select(vec3f(PARALLEL), vec3f(-PARALLEL), slope < vec3f(0.0));
+    let inverse = 1.0 / select(slope, tiny, abs(slope) < vec3f(PARALLEL));
+    // Half a block at most; far less than one where the way is long.
+    let margin = 1e-5;
+    var mask = vec2u(0u);
+    var t = from_t;
+    // Through at most 10 blocks.
+    var left = select(0u, 12u, wanted && to_t > from_t);
+    while left > 0u {
+        left -= 1u;
+        let block = clamp(floor(start + min(t + margin, to_t) * slope), vec3f(0.0), vec3f(3.0));
+        mask |= block_bit(block);
+        mask |= block_bit(clamp(floor(start + t * slope), vec3f(0.0), vec3f(3.0)));
+        let leave = max((block - start) * inverse, (block + 1.0 - start) * inverse);
+        t = max(t + margin, min(leave.x, min(leave.y, leave.z)));
+        if t >= to_t { left = 0u; }
+    }
+    return mask;
+}
+
+fn block_bit(block: vec3f) -> vec2u {
+    let index = u32(block.x + 4.0 * block.y + 16.0 * block.z);
+    return select(vec2u(1u << index, 0u), vec2u(0u, 1u << (index - 32u)), index >= 32u);
+}
