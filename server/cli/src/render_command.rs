@@ -189,15 +189,16 @@ impl Session<'_> {
             "histogram_in_view": histogram,
         });
         let count = |name: &str| drawn.counters.get(name).copied().unwrap_or(0);
-        let (reused, recomputed) = (count("segments_reused"), count("segments_cast"));
-        if reused + recomputed > 0 {
-            report["segments"] =
-                json!({"total": reused + recomputed, "reused": reused, "recomputed": recomputed});
-        }
-        let (reused, recomputed) = (count("tiles_reused"), count("tiles_recomputed"));
-        if reused + recomputed > 0 {
-            report["tiles"] =
-                json!({"total": reused + recomputed, "reused": reused, "recomputed": recomputed});
+        // What is kept between edits, by kind.
+        let kinds = [("segments", "segments_cast"), ("tiles", "tiles_recomputed")]
+            .into_iter()
+            .chain([("photons", "photons_recomputed"), ("bricks", "bricks_recomputed")]);
+        for (kind, recomputed) in kinds {
+            let (reused, recomputed) = (count(&format!("{kind}_reused")), count(recomputed));
+            if reused + recomputed > 0 {
+                let total = reused + recomputed;
+                report[kind] = json!({"total": total, "reused": reused, "recomputed": recomputed});
+            }
         }
         if let Some(PathEstimate { relative_error, cut }) = drawn.estimate {
             report["relative_error"] = json!(relative_error);

@@ -488,7 +488,24 @@ longest_path: number,
  * `path_traced`: what each light brings is kept apart, so that colours, strengths and switches
  * of lights change the picture without a new path. At most 8 lights.
  */
-light_layers: boolean, };
+light_layers: boolean, 
+/**
+ * `photon_map`: photons of each light, 1..16777216.
+ */
+photons: number, 
+/**
+ * `photon_map`: most interactions of a photon, 1..256. What is lost by it is counted.
+ */
+photon_events: number, 
+/**
+ * `photon_map`: texels of the light field along the volume's longest edge, 4..256.
+ */
+photon_grid: number, 
+/**
+ * `photon_map`: bands of spherical harmonics that hold the light where matter is not isotropic,
+ * 1..6.
+ */
+photon_bands: number, };
 
 export type Method = "local" | "convection_diffusion" | "image_based" | "precomputed_transfer" | "photon_map" | "path_traced";
 

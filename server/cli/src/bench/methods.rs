@@ -66,8 +66,13 @@ const fn paths(label: &'static str, patch: &'static str, quick: bool) -> Setting
     Setting { label, step_voxels: 1.0, samples_per_pixel: 1, patch, quick }
 }
 
+/// A step whose quality is the number of photons and the resolution of their light.
+const fn photons(label: &'static str, patch: &'static str, quick: bool) -> Setting {
+    Setting { label, step_voxels: 1.0, samples_per_pixel: 2, patch, quick }
+}
+
 /// Every method built.
-pub const LADDER: &[Entry] = &[LOCAL_ENTRY, PATH_TRACED];
+pub const LADDER: &[Entry] = &[LOCAL_ENTRY, PHOTON_MAP, PATH_TRACED];
 
 const LOCAL_ENTRY: Entry = Entry {
     method: Method::Local,
@@ -86,6 +91,46 @@ const LOCAL_ENTRY: Entry = Entry {
     noisy: false,
     work: "samples_taken",
     truncated: |_| None,
+};
+
+const PHOTON_MAP: Entry = Entry {
+    method: Method::PhotonMap,
+    judge: FULL,
+    settings: &[
+        photons(
+            "16 k photons, 16 texels",
+            r#"{"illumination": {"photons": 16384, "photon_grid": 16}}"#,
+            true,
+        ),
+        photons(
+            "65 k photons, 24 texels",
+            r#"{"illumination": {"photons": 65536, "photon_grid": 24}}"#,
+            false,
+        ),
+        photons(
+            "262 k photons, 32 texels",
+            r#"{"illumination": {"photons": 262144, "photon_grid": 32}}"#,
+            true,
+        ),
+        photons(
+            "1 M photons, 48 texels",
+            r#"{"illumination": {"photons": 1048576, "photon_grid": 48}}"#,
+            false,
+        ),
+        photons(
+            "4 M photons, 64 texels",
+            r#"{"illumination": {"photons": 4194304, "photon_grid": 64}}"#,
+            false,
+        ),
+    ],
+    usual: 0,
+    noisy: true,
+    work: "tentative_collisions",
+    truncated: |counters| {
+        let count = |name: &str| counters.get(name).copied().unwrap_or(0) as f64;
+        let photons = count("photons_recomputed");
+        (photons > 0.0).then(|| count("throughput_cut_1024ths") / 1024.0 / photons)
+    },
 };
 
 const PATH_TRACED: Entry = Entry {

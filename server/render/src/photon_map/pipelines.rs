@@ -1,5 +1,6 @@
 //! Pipelines of method `photon_map`.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use proto::scene_file::Filter;
@@ -54,6 +55,9 @@ pub struct PhotonPipelines {
     pub sampler: wgpu::Sampler,
 }
 
+/// WGSL.
+pub type Source = Cow<'static, str>;
+
 /// A module with the layout of its one entry point.
 struct Module {
     shader: wgpu::ShaderModule,
@@ -63,7 +67,7 @@ struct Module {
 }
 
 impl Module {
-    fn new(gpu: &Gpu, entry_point: &'static str, source: &'static str, entries: &[Entry]) -> Self {
+    fn new(gpu: &Gpu, entry_point: &'static str, source: Source, entries: &[Entry]) -> Self {
         let device = &gpu.device;
         let entries: Vec<_> = entries.iter().map(|entry| entry.layout()).collect();
         let bind_group_layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
@@ -73,7 +77,7 @@ impl Module {
         Self {
             shader: device.create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: Some(entry_point),
-                source: wgpu::ShaderSource::Wgsl(source.into()),
+                source: wgpu::ShaderSource::Wgsl(source),
             }),
             entry_point,
             layout: device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
@@ -151,6 +155,11 @@ impl Entry {
 
 impl PhotonPipelines {
     pub fn new(gpu: Arc<Gpu>) -> Self {
+        Self::of_sources(gpu, shaders::TRACE_PHOTONS.into(), shaders::TAKE_UP.into())
+    }
+
+    /// With other sources of two of the modules.
+    pub fn of_sources(gpu: Arc<Gpu>, trace_source: Source, take_up_source: Source) -> Self {
         use Entry::{Cells, Field, Read, Sampler, Table, Uniform, Volume, Write};
         let matter = [Uniform(0), Table(1), Table(2), Volume(7), Sampler(8), Cells(9)];
         let mut trace = vec![Uniform(3), Uniform(13)];
@@ -162,10 +171,10 @@ impl PhotonPipelines {
         mass.extend([Uniform(0), Table(1), Table(2), Volume(7), Sampler(8), Cells(9)]);
         let fill = [Uniform(0), Read(1), Read(2), Read(3), Write(4), Field(5)];
         Self {
-            trace: Module::new(&gpu, "trace_photons", shaders::TRACE_PHOTONS, &trace),
-            take_up: Module::new(&gpu, "take_up", shaders::TAKE_UP, &take_up),
-            mass: Module::new(&gpu, "add_up_mass", shaders::ADD_UP_MASS, &mass),
-            fill: Module::new(&gpu, "fill_field", shaders::FILL_FIELD, &fill),
+            trace: Module::new(&gpu, "trace_photons", trace_source, &trace),
+            take_up: Module::new(&gpu, "take_up", take_up_source, &take_up),
+            mass: Module::new(&gpu, "add_up_mass", shaders::ADD_UP_MASS.into(), &mass),
+            fill: Module::new(&gpu, "fill_field", shaders::FILL_FIELD.into(), &fill),
             traces: Variants::default(),
             takes_up: Variants::default(),
             masses: Variants::default(),

@@ -8,6 +8,8 @@ use scene::plan::Target;
 use scene::{PreparedVolume, Scene, Snapshot, Volume, Voxels};
 use serde_json::{Value, json};
 
+use super::PhotonPipelines;
+use crate::shaders;
 use crate::{AdapterPolicy, DrawRequest, Drawn, Gpu, Renderer, View};
 
 fn renderer() -> MutexGuard<'static, Renderer> {
@@ -90,18 +92,23 @@ fn from_scratch(
     result(renderer, &view)
 }
 
-fn equal(renderer: &mut Renderer, view: &View, snapshot: &Arc<Snapshot>, after: &str) {
+/// Whether a view holds what one would that had never seen another scene; else what differs.
+fn equal(renderer: &mut Renderer, view: &View, snapshot: &Arc<Snapshot>) -> Result<(), String> {
     let (photons, picture) = result(renderer, view);
     let (expected, expected_picture) = from_scratch(renderer, snapshot);
-    assert_eq!(photons.keys().collect::<Vec<_>>(), expected.keys().collect::<Vec<_>>(), "{after}");
+    if !photons.keys().eq(expected.keys()) {
+        return Err("other lights".into());
+    }
     for (id, buffers) in &expected {
-        for (index, (found, wanted)) in photons[id].iter().zip(buffers).enumerate() {
-            let differs = found.iter().zip(wanted).position(|(a, b)| a != b);
-            assert_eq!(differs, None, "{after}: buffer {index} of light {id}, of {} bytes", found.len());
+        if let Some(index) = photons[id].iter().zip(buffers).position(|(a, b)| a != b) {
+            return Err(format!("buffer {index} of light {id}"));
         }
     }
-    let differs = picture.iter().zip(&expected_picture).position(|(a, b)| a.to_bits() != b.to_bits());
-    assert_eq!(differs, None, "{after}: the picture");
+    let differs = |(a, b): (&f32, &f32)| a.to_bits() != b.to_bits();
+    match picture.iter().zip(&expected_picture).position(differs) {
+        Some(value) => Err(format!("value {value} of the picture")),
+        None => Ok(()),
+    }
 }
 
 /// A mean over pixels of what a method shows.
@@ -188,26 +195,72 @@ fn edits() -> Vec<(&'static str, Value)> {
     ]
 }
 
-/// After every edit of a long sequence photons, sums and picture are those of a map made from scratch.
-#[test]
-fn edits_leave_what_a_new_map_would_be() {
-    let mut renderer = renderer();
+/// Edits one after the other; an error names the first after which photons, sums or picture are not
+/// those of a map made from scratch.
+fn follow(renderer: &mut Renderer, edits: &[(&str, Value)]) -> Result<(), String> {
     let volume = balls(24);
     let mut patches = vec![];
     let mut view = View::new();
-    draw(&mut renderer, &mut view, &snapshot(&volume, &patches, 1));
-    for (epoch, (name, edit)) in edits().into_iter().enumerate() {
-        patches.push(edit);
+    draw(renderer, &mut view, &snapshot(&volume, &patches, 1));
+    for (epoch, (name, edit)) in edits.iter().enumerate() {
+        patches.push(edit.clone());
         let snapshot = snapshot(&volume, &patches, epoch as u32 + 2);
-        let drawn = draw(&mut renderer, &mut view, &snapshot);
-        let count = |what: &str| drawn.counters.get(what).copied();
-        eprintln!(
-            "{name}: {:?} photons anew, {:?} kept, bricks {:?}",
-            count("photons_recomputed"),
-            count("photons_reused"),
-            count("bricks_recomputed")
-        );
-        equal(&mut renderer, &view, &snapshot, name);
+        let drawn = draw(renderer, &mut view, &snapshot);
+        let count = |what: &str| drawn.counters.get(what).copied().unwrap_or(0);
+        let (anew, kept) = (count("photons_recomputed"), count("photons_reused"));
+        eprintln!("{name}: {anew} photons anew, {kept} kept, {} bricks", count("bricks_recomputed"));
+        equal(renderer, &view, &snapshot).map_err(|what| format!("{name}: {what}"))?;
+    }
+    Ok(())
+}
+
+#[test]
+fn edits_leave_what_a_new_map_would_be() {
+    follow(&mut renderer(), &edits()).unwrap();
+}
+
+/// Without any one of its remedies the map is wrong after some edit, and the comparison finds it.
+#[test]
+fn every_remedy_is_needed() {
+    let mutants = [
+        (
+            "bins that a free flight met",
+            true,
+            "histories[2u * slot] = vec4u(bins_met, blocks);",
+            "bins_met = vec2u(0u); histories[2u * slot] = vec4u(bins_met, blocks);",
+        ),
+        (
+            "what a photon that left relied on",
+            true,
+            "ends[2u * local] = vec4u(bins_met, blocks);",
+            "if path.light > 0u { ends[2u * local] = histories[2u * (local * photons.slots + path.light - 1u)]; } else { ends[2u * local] = vec4u(0u); }",
+        ),
+        ("blocks", true, "blocks |= blocks_on_way(path.origin, path.direction, whole.x, until, flies);", ""),
+        ("going back to the last valid interaction", false, "{ valid = i; }", "{ valid = i + 1u; }"),
+        ("taking out what was there", true, "var sign = select(0, -1, undoes);", "var sign = 0;"),
+        (
+            "random numbers drawn so far",
+            false,
+            "path.draws = bitcast<u32>(places[slot].w);",
+            "path.draws = 0u;",
+        ),
+    ];
+    let gpu = renderer().gpu().clone();
+    for (what, in_trace, original, broken) in mutants {
+        let source = if in_trace { shaders::TRACE_PHOTONS } else { shaders::TAKE_UP };
+        assert!(source.contains(original), "{what}: the shader has not `{original}`");
+        let mutant = source.replacen(original, broken, 1);
+        let (trace, take_up) = match in_trace {
+            true => (mutant.into(), shaders::TAKE_UP.into()),
+            false => (shaders::TRACE_PHOTONS.into(), mutant.into()),
+        };
+        let mut renderer = renderer();
+        let whole = renderer.photon_pipelines.clone();
+        renderer.photon_pipelines = Arc::new(PhotonPipelines::of_sources(gpu.clone(), trace, take_up));
+        let found = follow(&mut renderer, &edits());
+        renderer.photon_pipelines = whole;
+        eprintln!("without {what}: {found:?}");
+        assert!(found.is_err(), "without {what} nothing is wrong");
     }
 }
 
@@ -229,7 +282,7 @@ fn interrupted_updates_leave_nothing_behind() {
         unfinished += usize::from(renderer.draw(&mut view, &request).unwrap().illumination < 1.0);
         if epoch % 5 == 4 {
             draw(&mut renderer, &mut view, &snapshot);
-            equal(&mut renderer, &view, &snapshot, &format!("{epoch} edits"));
+            equal(&mut renderer, &view, &snapshot).unwrap();
         }
     }
     assert!(unfinished > 5, "only {unfinished} updates were interrupted");

@@ -45,7 +45,7 @@ pub struct Renderer {
     volumes: Arc<VolumeCache>,
     ray_caster: Arc<RayCaster>,
     path_tracer: Arc<PathTracer>,
-    photon_pipelines: Arc<PhotonPipelines>,
+    pub(crate) photon_pipelines: Arc<PhotonPipelines>,
     tone_mapper: ToneMapper,
 }
 
