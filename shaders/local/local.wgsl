@@ -1,5 +1,6 @@
 // Method `local`: classic shading. Single scattering of every light, nothing in between, and a
-// uniform ambient (README.md). Exact in vacuum and thin matter; no shadows.
+// uniform ambient (README.md). Exact in vacuum and thin matter; no shadows. Beside a light field it is
+// what lights bring by themselves, through what is in between.
 
 // Scattered radiance towards w_o per unit of extinction: sigma_s * L_i / sigma_t. `gradient` is
 // that of s, world; where it vanishes the surface weight is 0.
@@ -9,10 +10,14 @@ fn scattered_radiance(x: vec3f, w_o: vec3f, albedo: vec3f, material: Material, g
     let surface = facing.w;
 
     // Uniform ambient: the phase function integrates to 1, the BRDF to its reflectance.
-    let reflected = albedo * material.ambient_diffuse + material.ambient_specular;
-    var sum = frame.ambient * mix(albedo, reflected, surface);
+    var sum = vec3f(0.0);
+    if FIELD_BANDS == 0u {
+        let reflected = albedo * material.ambient_diffuse + material.ambient_specular;
+        sum = frame.ambient * mix(albedo, reflected, surface);
+    }
     for (var i = 0u; i < steering(frame.light_count); i++) {
-        let light = incident_light(i, x);
+        var light = incident_light(i, x);
+        if DIRECT { light.irradiance *= transmittance_from(i, x); }
         var scattered = (1.0 - surface) * phase_function(material, dot(-light.w_i, w_o)) * albedo;
         if surface > 0.0 {
             let f_r = brdf(material, n, light.w_i, w_o);

@@ -1,5 +1,5 @@
-// Photons leave a light towards the sphere around the volume's box, wherever in it there is matter:
-// clipping does not change them. What a light sends is divided by its power and by
+// Photons leave a light towards the volume's box, or the sphere around it, wherever in it there is matter:
+// neither clipping nor the transfer function changes them. What a light sends is divided by its power and by
 // `photons.reference`, so that throughputs begin near 1 whatever the light.
 
 fn emitted(photon: vec2u) -> Path {
@@ -11,8 +11,8 @@ fn emitted(photon: vec2u) -> Path {
     var way = light.direction;
     var throughput = vec3f(1.0);
     var origin = light.position;
-    // Lights at infinity shine through a disk as large as the sphere.
-    var at_infinity = light.kind == DIRECTIONAL || light.kind == UNIFORM || light.kind == IMAGE;
+    // Lights at infinity shine on the faces of the box that are turned to them, each by what it shows.
+    let at_infinity = light.kind == DIRECTIONAL || light.kind == UNIFORM || light.kind == IMAGE;
     if light.kind == UNIFORM { way = around(vec3f(0.0, 0.0, 1.0), 2.0 * u.z, 2.0 * PI * u.w); }
     if ENVIRONMENT_IMAGE {
         if light.kind == IMAGE {
@@ -22,10 +22,20 @@ fn emitted(photon: vec2u) -> Path {
         }
     }
     if at_infinity {
-        let tangent = tangent_of(way);
-        let azimuth = 2.0 * PI * u.y;
-        let across = sqrt(u.x) * (cos(azimuth) * tangent + sin(azimuth) * cross(way, tangent));
-        origin = photons.radius * (across - sqrt(max(1.0 - u.x, 0.0)) * way);
+        let e = unit4(draw(&path, photon));
+        let shown = abs(way) * frame.size_world.yzx * frame.size_world.zxy;
+        let all = shown.x + shown.y + shown.z;
+        let turned = select(vec3f(-0.5), vec3f(0.5), way < vec3f(0.0));
+        var place = e.xyz - 0.5;
+        if e.w * all < shown.x {
+            place.x = turned.x;
+        } else if e.w * all < shown.x + shown.y {
+            place.y = turned.y;
+        } else {
+            place.z = turned.z;
+        }
+        origin = place * frame.size_world;
+        throughput *= all / (PI * photons.radius * photons.radius);
     } else if light.kind == POINT || light.kind == SPOT {
         let chosen = from_place(light.position, light.direction, 0.0, u, photons.radius, light);
         way = chosen.way;

@@ -25,7 +25,8 @@ struct Photons {
     // Of one invocation: rays, and cells and tentative collisions.
     rays: u32,
     steps: u32,
-    pad0: u32,
+    // 1: the light shines from one direction on each place: what it brings by itself is kept apart.
+    direct: u32,
     // What changed: interactions that relied on it are stale.
     bins: vec2u,
     blocks: vec2u,

@@ -79,7 +79,8 @@ fn trace_photons(
             path.stage = select(DONE, AT, stores && !last);
         }
         deposit(places[slot].xyz, ways[slot].xyz,
-            vec3f(ways[slot].w, bitcast<vec2f>(histories[2u * slot + 1u].xy)), sign);
+            vec3f(ways[slot].w, bitcast<vec2f>(histories[2u * slot + 1u].xy)), sign,
+            slot == base && steering(photons.direct) == 1u);
         if undoes { path.light -= 1u; }
         if path.stage == DONE && path.light == path.scatterings || steps == 0u { rays = 0u; }
     }

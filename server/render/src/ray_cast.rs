@@ -7,6 +7,7 @@ use scene::light::LightGeometry;
 use scene::{Background, Rendering, Scene};
 
 use crate::gpu::Gpu;
+use crate::light_field::LightField;
 use crate::shaders;
 use crate::variants::Variants;
 use crate::volume_texture::VolumeTexture;
@@ -30,6 +31,8 @@ pub struct Variant {
     pub keep_segments: bool,
     /// Bands of the light field; 0: there is none. `FIELD_BANDS` in the shader.
     pub field_bands: u32,
+    /// Whether what lights bring by themselves stands beside it; `DIRECT` in the shader.
+    pub direct: bool,
     /// Whether an image lies behind the volume; `ENVIRONMENT_IMAGE` in the shader.
     pub image_behind: bool,
     /// What the scene uses.
@@ -50,8 +53,8 @@ pub struct Features {
 }
 
 impl Variant {
-    /// The cheapest variant that draws the scene, rays whole, in a light field of so many bands.
-    pub fn of(scene: &Scene, texture: &VolumeTexture, field_bands: u32) -> Self {
+    /// The cheapest variant that draws the scene, rays whole, in a light field if there is one.
+    pub fn of(scene: &Scene, texture: &VolumeTexture, field: Option<&LightField>) -> Self {
         let hardware = scene.sampling.interpolation == Interpolation::Sampler;
         Self {
             filter: match scene.filter {
@@ -70,7 +73,8 @@ impl Variant {
             segments: scene.sampling.segments.max(1),
             quads: texture.quads.is_some(),
             keep_segments: false,
-            field_bands,
+            field_bands: field.map_or(0, |field| field.bands),
+            direct: field.is_some_and(|field| field.direct.is_some()),
             image_behind: matches!(scene.background, Background::Image { .. }),
             features: if scene.rendering.is_lit() { Features::of(scene) } else { Features::default() },
         }
@@ -175,6 +179,7 @@ impl RayCaster {
             constants.push(("SEGMENTS", f64::from(variant.segments)));
             constants.push(("QUADS", f64::from(u8::from(variant.quads))));
             constants.push(("FIELD_BANDS", f64::from(variant.field_bands)));
+            constants.push(("DIRECT", f64::from(u8::from(variant.direct))));
             constants.push(("ENVIRONMENT_IMAGE", f64::from(u8::from(variant.image_behind))));
             constants.push(("KEEP_SEGMENTS", f64::from(u8::from(variant.keep_segments))));
             gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
@@ -244,7 +249,7 @@ impl Bindings {
     }
 }
 
-fn layout_entries(filtering: bool) -> [wgpu::BindGroupLayoutEntry; 17] {
+fn layout_entries(filtering: bool) -> [wgpu::BindGroupLayoutEntry; 18] {
     let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
         binding,
         visibility: wgpu::ShaderStages::COMPUTE,
@@ -282,6 +287,7 @@ fn layout_entries(filtering: bool) -> [wgpu::BindGroupLayoutEntry; 17] {
         entry(13, texture(wgpu::TextureSampleType::Float { filterable: true })),
         entry(14, wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering)),
         entry(15, buffer(wgpu::BufferBindingType::Uniform)),
+        entry(16, texture(wgpu::TextureSampleType::Float { filterable: true })),
         entry(20, table()),
     ]
 }

@@ -104,7 +104,14 @@ pub const ADD_UP_MASS: &str =
     parts!("shared/frame.wgsl", "shared/medium.wgsl", "shared/place.wgsl", "photon_map/mass.wgsl");
 
 /// `fill_field`.
-pub const FILL_FIELD: &str = parts!("photon_map/fill.wgsl");
+pub const FILL_FIELD: &str = parts!(
+    "shared/features.wgsl",
+    "shared/frame.wgsl",
+    "shared/medium.wgsl",
+    "shared/phase.wgsl",
+    "shared/light.wgsl",
+    "photon_map/fill.wgsl",
+);
 
 /// `tone_map`.
 pub const TONE_MAP: &str = parts!("film/tone_map.wgsl");

@@ -207,6 +207,11 @@ pub fn lights(scene: &Scene) -> Vec<uniforms::Light> {
     scene.lights.iter().filter_map(light).collect()
 }
 
+/// Whether a light is in the table of [`lights`]: one that shines from one direction on each place.
+pub fn is_in_light_table(light: &Light) -> bool {
+    !matches!(light.geometry, LightGeometry::UniformEnvironment | LightGeometry::Environment { .. })
+}
+
 /// Radiance of the uniform environment, black without one.
 pub fn ambient(scene: &Scene) -> DVec3 {
     let uniform = scene.lights.iter().filter(|light| light.geometry == LightGeometry::UniformEnvironment);

@@ -173,7 +173,7 @@ pub struct Photons {
     pub slots: u32,
     pub rays: u32,
     pub steps: u32,
-    pub pad0: u32,
+    pub direct: u32,
     pub bins: [u32; 2],
     pub blocks: [u32; 2],
     pub dims: [u32; 3],
@@ -202,6 +202,12 @@ pub struct Fill {
     pub everything: u32,
     pub flux: [f32; 3],
     pub turn: u32,
+    pub size_world: [f32; 3],
+    pub direct: u32,
+    pub flux_of_one: f32,
+    pub layers: u32,
+    pub pad0: u32,
+    pub pad1: u32,
 }
 
 /// Most light layers: 8 lights, what lies behind the volume, and glowing matter.
@@ -374,7 +380,7 @@ pub fn layouts() -> Vec<Layout> {
                 slots,
                 rays,
                 steps,
-                pad0,
+                direct,
                 bins,
                 blocks,
                 dims,
@@ -386,7 +392,10 @@ pub fn layouts() -> Vec<Layout> {
             }
         ),
         layout!("Mass", Mass { dims, count }),
-        layout!("Fill", Fill { dims, everything, flux, turn }),
+        layout!(
+            "Fill",
+            Fill { dims, everything, flux, turn, size_world, direct, flux_of_one, layers, pad0, pad1 }
+        ),
         layout!("Mix", Mix { first_pixel, pixel_count, term_count, pad0, powers }),
         layout!("Restart", Restart { image, bins }),
         layout!("ToneMap", ToneMap { exposure, operator_id, pixel_count, pad0 }),

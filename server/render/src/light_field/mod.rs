@@ -14,6 +14,8 @@ use crate::error::RenderError;
 use crate::gpu::Gpu;
 use crate::uniforms;
 
+/// Channels of a texel of transmittances.
+pub(crate) const LIGHTS_A_SLAB: u32 = 4;
 /// Four half floats.
 const TEXEL_BYTES: u64 = 8;
 
@@ -26,9 +28,30 @@ pub(crate) struct LightField {
     /// `Rgba16Float`: coefficient k in tile (k % bands, k / bands) along x and z.
     pub texture: wgpu::Texture,
     pub view: wgpu::TextureView,
+    /// How much of each light reaches the texels, four lights a slab along z; `None`: what lights bring
+    /// by themselves is in the field.
+    pub direct: Option<wgpu::TextureView>,
     /// `Field` of the shader.
     pub uniform: wgpu::Buffer,
     gpu: Arc<Gpu>,
+}
+
+fn texture(gpu: &Gpu, size: wgpu::Extent3d) -> Result<wgpu::Texture, RenderError> {
+    let descriptor = wgpu::TextureDescriptor {
+        label: Some("light field"),
+        size,
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D3,
+        format: wgpu::TextureFormat::Rgba16Float,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING
+            | wgpu::TextureUsages::STORAGE_BINDING
+            | wgpu::TextureUsages::COPY_SRC
+            | wgpu::TextureUsages::COPY_DST,
+        view_formats: &[],
+    };
+    let bytes = TEXEL_BYTES * u64::from(size.width * size.height * size.depth_or_array_layers);
+    gpu.allocating("the light field", bytes, || gpu.device.create_texture(&descriptor))
 }
 
 /// Texels of a field whose longest edge has about `longest` of them: cells about cubic, none smaller
@@ -69,27 +92,26 @@ impl LightField {
                 limit: format!("{} texels along an axis", gpu.max_texture_edge_3d()),
             });
         }
-        let descriptor = wgpu::TextureDescriptor {
-            label: Some("light field"),
-            size,
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D3,
-            format: wgpu::TextureFormat::Rgba16Float,
-            usage: wgpu::TextureUsages::TEXTURE_BINDING
-                | wgpu::TextureUsages::STORAGE_BINDING
-                | wgpu::TextureUsages::COPY_SRC
-                | wgpu::TextureUsages::COPY_DST,
-            view_formats: &[],
-        };
-        let bytes = TEXEL_BYTES * u64::from(size.width * size.height * size.depth_or_array_layers);
-        let texture = gpu.allocating("the light field", bytes, || gpu.device.create_texture(&descriptor))?;
+        let texture = texture(gpu, size)?;
         let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         let uniform = gpu.buffer("light field", std::mem::size_of::<uniforms::Field>() as u64, usage)?;
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
-        let field = Self { dims, bands, texture, view, uniform, gpu: gpu.clone() };
+        let field = Self { dims, bands, texture, view, direct: None, uniform, gpu: gpu.clone() };
         field.set_scale(1.0);
         Ok(field)
+    }
+
+    /// Makes room for transmittances from so many lights. What was there is lost.
+    ///
+    /// # Errors
+    /// Out of memory.
+    pub fn make_direct(&mut self, lights: usize) -> Result<(), RenderError> {
+        let layers = (lights.max(1) as u32).div_ceil(LIGHTS_A_SLAB);
+        let [width, height, depth] = self.dims;
+        let size = wgpu::Extent3d { width, height, depth_or_array_layers: depth * layers };
+        let texture = texture(&self.gpu, size)?;
+        self.direct = Some(texture.create_view(&wgpu::TextureViewDescriptor::default()));
+        Ok(())
     }
 
     /// The radiance that texels hold as 1. Half floats end at 65504 and lose digits below 6e-5.

@@ -9,15 +9,20 @@ use super::lights::{LightPhotons, flux, sphere_radius};
 use crate::error::RenderError;
 use crate::gpu::{Gpu, buffer_entry, texture_entry};
 use crate::illumination::Inputs;
-use crate::light_field::LightField;
+use crate::light_field::{LIGHTS_A_SLAB, LightField};
+use crate::tables;
 use crate::uniforms::{self, Fill, Mass};
 
 /// Edge of a brick, texels.
 const BRICK_EDGE: u32 = 4;
 /// Edge of a macrocell, voxels.
 const MACROCELL_EDGE: f64 = 4.0;
-/// Red, green and blue, 64 bits each.
+/// Of a coefficient red, green and blue, 64 bits each.
 const SUM_BYTES: u64 = 24;
+/// Of a texel what the light brings by itself.
+const DIRECT_BYTES: u64 = 8;
+/// `NOT_DIRECT` of the shader.
+const NOT_DIRECT: u32 = u32::MAX;
 /// Eight sums of extinction a cell, f32.
 const MOMENT_BYTES: u64 = 32;
 const WORKGROUP: u32 = 64;
@@ -30,6 +35,9 @@ pub(super) struct FieldOfPhotons {
     pub touched: wgpu::Buffer,
     moments: wgpu::Buffer,
     totals: wgpu::Buffer,
+    /// Of four lights each.
+    transmittances: wgpu::Buffer,
+    layers: u32,
     fill_uniform: wgpu::Buffer,
     mass_uniform: wgpu::Buffer,
     frame: wgpu::Buffer,
@@ -48,7 +56,7 @@ impl FieldOfPhotons {
         let texels: u64 = dims.iter().map(|&n| u64::from(n)).product();
         let cells: u64 = dims.iter().map(|&n| u64::from(n) + 1).product();
         let coefficients = u64::from(bands * bands);
-        if texels * coefficients * SUM_BYTES > gpu.max_binding_bytes() {
+        if texels * (coefficients * SUM_BYTES + DIRECT_BYTES) > gpu.max_binding_bytes() {
             return Err(RenderError::TooLarge {
                 what: format!("a light field of {dims:?} texels with {bands} bands"),
                 limit: format!("{} bytes a buffer", gpu.max_binding_bytes()),
@@ -59,6 +67,8 @@ impl FieldOfPhotons {
             light,
             touched: gpu.buffer("touched bricks", 4 * bricks, storage)?,
             moments: gpu.buffer("extinction around texels", MOMENT_BYTES * cells, storage)?,
+            transmittances: gpu.buffer("transmittances", 16 * texels, storage)?,
+            layers: 0,
             totals: gpu.buffer("light of all lights", 16 * texels * coefficients, storage)?,
             fill_uniform: gpu.buffer("fill", std::mem::size_of::<Fill>() as u64, uniform)?,
             mass_uniform: gpu.buffer("mass", std::mem::size_of::<Mass>() as u64, uniform)?,
@@ -71,7 +81,7 @@ impl FieldOfPhotons {
     /// Bytes of the light sums of one light.
     pub fn sum_bytes(&self) -> u64 {
         let texels: u64 = self.light.dims.iter().map(|&n| u64::from(n)).product();
-        texels * u64::from(self.light.bands * self.light.bands) * SUM_BYTES
+        texels * (u64::from(self.light.bands * self.light.bands) * SUM_BYTES + DIRECT_BYTES)
     }
 
     pub fn bricks(&self) -> u64 {
@@ -79,7 +89,11 @@ impl FieldOfPhotons {
     }
 
     pub fn bytes(&self) -> u64 {
-        self.light.bytes() + self.touched.size() + self.moments.size() + self.totals.size()
+        self.light.bytes()
+            + self.touched.size()
+            + self.moments.size()
+            + self.totals.size()
+            + 2 * self.transmittances.size()
     }
 
     /// Adds up extinction around the texels where it changed; whether it did.
@@ -188,12 +202,27 @@ impl FieldOfPhotons {
         Ok(())
     }
 
+    /// Room for the transmittances of the scene's lights; whether it is new.
+    fn make_layers(&mut self, gpu: &Gpu, scene: &Scene) -> Result<bool, RenderError> {
+        let lights = scene.lights.iter().filter(|light| tables::is_in_light_table(light)).count();
+        let layers = (lights.max(1) as u32).div_ceil(LIGHTS_A_SLAB);
+        if layers == self.layers {
+            return Ok(false);
+        }
+        let texels: u64 = self.light.dims.iter().map(|&n| u64::from(n)).product();
+        let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+        self.transmittances = gpu.buffer("transmittances", 16 * texels * u64::from(layers), storage)?;
+        self.light.make_direct(lights)?;
+        self.layers = layers;
+        Ok(true)
+    }
+
     /// Fills the field from the light sums: touched bricks, or all.
     pub fn fill(
         &mut self,
         inputs: &Inputs<'_>,
         photons: &BTreeMap<String, LightPhotons>,
-        everything: bool,
+        mut everything: bool,
     ) -> Result<(), RenderError> {
         let (gpu, scene) = (inputs.gpu, &inputs.snapshot.scene);
         let radius = sphere_radius(scene);
@@ -205,6 +234,10 @@ impl FieldOfPhotons {
             lit.iter().map(|(light, _)| flux(light, radius).max_element() / cross_section).sum();
         let scale = if brightest > 0.0 { brightest.min(1e30) } else { 1.0 };
         self.light.set_scale(scale as f32);
+        everything |= self.make_layers(gpu, scene)?;
+        let Some(direct) = self.light.direct.clone() else {
+            return Err(RenderError::Gpu("there is no room for transmittances".into()));
+        };
         let bytes = gpu.read_buffer(&self.touched, self.touched.size())?;
         let touched: Vec<u32> = bytemuck::pod_collect_to_vec(&bytes);
         self.bricks_filled = match everything {
@@ -213,13 +246,28 @@ impl FieldOfPhotons {
         };
         let pipeline = inputs.photon_pipelines.fill(self.light.bands);
         let groups = self.light.dims.map(|n| n.div_ceil(BRICK_EDGE));
+        let mut lights_in_table = 0;
         for (index, (light, photons)) in lit.iter().enumerate() {
-            let of_one = flux(light, radius) / (scale * photons.traced().max(1) as f64);
+            let photon_count = photons.traced().max(1) as f64;
+            let of_one = flux(light, radius) / (scale * photon_count);
+            let is_direct = tables::is_in_light_table(light);
+            let place = if is_direct { lights_in_table } else { NOT_DIRECT };
+            lights_in_table += u32::from(is_direct);
+            let brightest = light.power.max_element();
             let uniform = Fill {
                 dims: self.light.dims,
                 everything: u32::from(everything),
                 flux: of_one.as_vec3().to_array(),
                 turn: u32::from(index == 0) + 2 * u32::from(index + 1 == lit.len()),
+                size_world: tables::vector(scene.grid.size_world),
+                direct: place,
+                flux_of_one: if brightest > 0.0 {
+                    (flux(light, radius).max_element() / brightest / photon_count) as f32
+                } else {
+                    0.0
+                },
+                layers: self.layers,
+                ..Fill::default()
             };
             gpu.queue.write_buffer(&self.fill_uniform, 0, bytemuck::bytes_of(&uniform));
             let bind_group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
@@ -230,8 +278,11 @@ impl FieldOfPhotons {
                     buffer_entry(1, &photons.sums),
                     buffer_entry(2, &self.moments),
                     buffer_entry(3, &self.touched),
-                    buffer_entry(4, &self.totals),
+                    buffer_entry(4, &inputs.lights.lights),
                     texture_entry(5, &self.light.view),
+                    buffer_entry(6, &self.transmittances),
+                    texture_entry(7, &direct),
+                    buffer_entry(9, &self.totals),
                 ],
             });
             gpu.dispatch_3d(&pipeline, &bind_group, groups);

@@ -14,6 +14,7 @@ use super::stale::Query;
 use super::{Layout, Turn, Work};
 use crate::error::RenderError;
 use crate::gpu::{Gpu, buffer_entry, texture_entry};
+use crate::tables;
 use crate::uniforms::{self, Photons};
 
 /// Photons at work together.
@@ -174,20 +175,26 @@ impl LightPhotons {
         work: &mut Work,
     ) -> Result<Left, RenderError> {
         let snapshot = turn.inputs.snapshot;
+        let (scene, light) = (&snapshot.scene, turn.light);
         for chunk in &mut self.chunks {
-            let goes_on = chunk.is_at_work
-                && bench.owner == Some((self.key, chunk.first))
-                && chunk.bases.last().is_some_and(|base| Arc::ptr_eq(base, snapshot));
-            if goes_on {
-                return chunk.go_on(turn, bench, work, self.key, &self.sums, None);
+            if !chunk.is_at_work && chunk.bases.len() == 1 && Arc::ptr_eq(&chunk.bases[0], snapshot) {
+                continue;
             }
-            let query = chunk.query(&snapshot.scene, turn.light);
+            let query = chunk.query(scene, light);
             if query.is_empty() && !chunk.is_at_work {
                 chunk.bases = vec![snapshot.clone()];
                 continue;
             }
             let is_empty = chunk.bases.is_empty();
+            // A snapshot that differs in nothing that photons depend on stands for both.
+            let is_same = |base: &Arc<Snapshot>| Query::between(&base.scene, scene, light).is_empty();
+            let newest_is_same = chunk.bases.last().is_some_and(is_same);
+            chunk.bases.retain(|base| !is_same(base));
             chunk.bases.push(snapshot.clone());
+            let is_on_bench = bench.owner == Some((self.key, chunk.first));
+            if chunk.is_at_work && is_on_bench && newest_is_same {
+                return chunk.go_on(turn, bench, work, self.key, &self.sums, None);
+            }
             bench.owner = Some((self.key, chunk.first));
             let begin = Begin { query, nothing_there: is_empty };
             return chunk.go_on(turn, bench, work, self.key, &self.sums, Some(begin));
@@ -262,7 +269,7 @@ impl Chunk {
             slots: layout.slots,
             rays: bench.rays,
             steps: if gpu.info().software { STEPS_SOFTWARE } else { STEPS },
-            pad0: 0,
+            direct: u32::from(tables::is_in_light_table(light)),
             bins: halves(query.bins),
             blocks: halves(query.blocks),
             dims: layout.dims,

@@ -150,6 +150,41 @@ fn every_light_is_as_bright_as_followed_from_the_eye() {
     }
 }
 
+/// So do phase functions, surfaces and limits of the scattering orders.
+#[test]
+fn all_matter_is_as_bright_as_followed_from_the_eye() {
+    let mut renderer = renderer();
+    let volume = balls(24);
+    let points = json!({"points": [
+        {"s": 0.1, "extinction": 0, "albedo": [0.9, 0.9, 0.9], "material": "m"},
+        {"s": 0.4, "extinction": 4, "albedo": [0.9, 0.7, 0.5], "material": "m"}]});
+    let matter = |material: Value, orders: Value| {
+        json!({"materials": {"m": material}, "transfer_function": points, "background": [0, 0, 0],
+            "scattering": {"orders": orders}})
+    };
+    let cases = [
+        matter(json!({}), json!(1)),
+        matter(json!({}), json!(2)),
+        matter(json!({"phase": {"type": "henyey_greenstein", "g": 0.6}}), json!("all")),
+        matter(json!({"phase": {"type": "henyey_greenstein", "g": -0.4}}), json!(1)),
+        matter(json!({"phase": {"type": "schlick", "k": 0.5}}), json!(3)),
+        matter(json!({"surface": 1.0, "brdf": {"type": "lambert", "diffuse": 0.8}}), json!("all")),
+        matter(
+            json!({"surface": 0.5, "brdf": {"type": "blinn_phong", "diffuse": 0.5, "specular": 0.4,
+            "exponent": 8}}),
+            json!("all"),
+        ),
+    ];
+    for case in cases {
+        let traced = json!({"illumination": {"method": "path_traced", "paths_per_pixel": 64}});
+        let photons = json!({"illumination": {"photons": 32768, "photon_grid": 24, "photon_bands": 4}});
+        let found = mean(&mut renderer, &volume, &[case.clone(), photons]);
+        let expected = mean(&mut renderer, &volume, &[case.clone(), traced]);
+        eprintln!("{found:.5} {expected:.5} {:+.3} {}", found / expected - 1.0, case["materials"]["m"]);
+        assert!((found / expected - 1.0).abs() < 0.08, "{found} for {expected}: {case}");
+    }
+}
+
 fn edits() -> Vec<(&'static str, Value)> {
     let points = |scale: f64, red: f64| {
         json!({"transfer_function": {"points": [

@@ -144,7 +144,7 @@ impl Renderer {
         let size = (film.width, film.height);
         let layer = film.in_segments.then(|| segments.begin(&self.gpu, size, film.samples, &film.snapshot));
         let layer = layer.flatten();
-        let mut variant = Variant::of(scene, tables.texture, tables.field.map_or(0, |field| field.bands));
+        let mut variant = Variant::of(scene, tables.texture, tables.field);
         let mut changed_map = None;
         if let Some(layer) = &layer {
             variant.keep_segments = true;
@@ -181,6 +181,10 @@ impl Renderer {
                     resource: wgpu::BindingResource::Sampler(&bindings.light_sampler),
                 },
                 buffer_entry(15, tables.field.map_or(&buffers.frame, |field| &field.uniform)),
+                texture_entry(
+                    16,
+                    tables.field.and_then(|field| field.direct.as_ref()).unwrap_or(&bindings.no_light),
+                ),
                 texture_entry(20, tables.environment.map_or(&tables.tables.points, |image| &image.radiance)),
             ],
         });

@@ -119,7 +119,7 @@ impl Preparer {
             return;
         }
         let Some(texture) = self.volumes.loaded(&scene.volume) else { return };
-        let variant = Variant::of(scene, &texture, 0);
+        let variant = Variant::of(scene, &texture, None);
         self.ray_caster.pipeline(variant);
         if variant.mode == 0 && scene.sampling.segments > 1 {
             self.ray_caster.pipeline(Variant { keep_segments: true, ..variant });
