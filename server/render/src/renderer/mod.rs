@@ -63,6 +63,8 @@ pub struct Drawn {
     pub complete: bool,
     /// Complete passes over the image the film holds.
     pub samples_per_pixel: u32,
+    /// Share of the next pass that the film holds besides, 0..1; 0 where paths are followed.
+    pub pass_share: f64,
     /// How well the film is known, where the method tells.
     pub estimate: Option<PathEstimate>,
     /// Whether anything ran or has to (a tone-mapping edit leaves the film alone).
@@ -264,6 +266,7 @@ impl Renderer {
         Ok(Drawn {
             complete: samples >= request.target.samples_per_pixel || good_enough,
             samples_per_pixel: samples,
+            pass_share: view.film.as_ref().map_or(0.0, |film| f64::from(film.rows) / f64::from(film.height)),
             estimate,
             drew: !plan.is_empty(),
             plan,
