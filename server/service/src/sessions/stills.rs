@@ -6,6 +6,7 @@ use std::time::Duration;
 use axum::extract::{Path, Query, State};
 use axum::http::{HeaderValue, header};
 use axum::response::{IntoResponse, Response};
+use proto::FieldError;
 use proto::rest::{PreviewRequest, Problem};
 use proto::scene_file::limits::MAX_IMAGE_EDGE;
 use scene::plan::Target;
@@ -78,16 +79,20 @@ pub async fn snapshot(
         samples_per_pixel: snapshot.scene.samples_at_rest(),
     };
     check_edges(target.width, target.height, MAX_IMAGE_EDGE)?;
-    let pixels = u64::from(target.width) * u64::from(target.height);
-    if pixels > MAX_STILL_PIXELS {
-        return Err(Fault::invalid(
-            "width",
-            format!("and `height` ask for {pixels} pixels, at most {MAX_STILL_PIXELS} are drawn"),
-        ));
-    }
+    check_pixels(target.width, target.height)?;
     let radiance = query.format != StillFormat::Png;
     let still = app.renderer().still(snapshot, target, radiance, patience(&app)).await?;
     answered(still, query.format).await
+}
+
+/// Refuses a picture of more pixels than are drawn.
+pub(crate) fn check_pixels(width: u32, height: u32) -> Result<(), FieldError> {
+    let pixels = u64::from(width) * u64::from(height);
+    if pixels > MAX_STILL_PIXELS {
+        let message = format!("and `height` ask for {pixels} pixels, at most {MAX_STILL_PIXELS} are drawn");
+        return Err(FieldError::new("width", message));
+    }
+    Ok(())
 }
 
 /// Draws the scene as a patch would make it, small and quickly, from the session's camera or from
