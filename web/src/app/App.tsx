@@ -14,6 +14,7 @@ import { session } from "../session/engine";
 import { useSession } from "../session/store";
 import { StatisticsPanel } from "../statistics/StatisticsPanel";
 import { StatusLine } from "../statistics/StatusLine";
+import { TurntableDialog } from "../turntable/TurntableDialog";
 import { TransferPanel } from "../transfer-function/TransferPanel";
 import { Viewport } from "../viewport/Viewport";
 import { HelpSheet } from "./HelpSheet";
@@ -72,6 +73,7 @@ export function App() {
       <StatusLine />
       <HelpSheet />
       <Gallery />
+      <TurntableDialog />
       <DropZone />
     </div>
   );
