@@ -5,7 +5,7 @@
 //! and another finishes early, and whatever a turn was allotted when fewer shared the device. Who does
 //! nothing saves nothing up.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Turns are counted in this many parts.
 const PARTS: u64 = 1000;
@@ -38,6 +38,41 @@ impl Turns {
         self.clock = self.clock.max(begin);
         let turns = spent.as_secs_f64() / allotted.as_secs_f64().max(f64::MIN_POSITIVE);
         account.0 = begin + ((turns * PARTS as f64) as u64).clamp(PARTS, MOST_TURNS * PARTS);
+    }
+}
+
+/// Part of the time that goes to a class of work while another goes before it.
+const SHARE_IN_WAITING: u32 = 10;
+
+/// How long a class of work waits for one that goes before it. It gets a turn after a while, but no
+/// more than a tenth of the time, however long its turns turn out to be: who moves should hardly notice.
+#[derive(Debug)]
+pub(super) struct Patience {
+    least: Duration,
+    since: Instant,
+    pause: Duration,
+}
+
+impl Patience {
+    /// One that lasts no shorter than `least`.
+    pub fn new(least: Duration, now: Instant) -> Self {
+        Self { least, since: now, pause: least }
+    }
+
+    /// Whether it has lasted long enough.
+    pub fn is_over(&self, now: Instant) -> bool {
+        now.saturating_duration_since(self.since) > self.pause
+    }
+
+    /// Nobody of the class waits.
+    pub fn nobody_waits(&mut self, now: Instant) {
+        self.since = now;
+    }
+
+    /// The class had a turn, which took so long.
+    pub fn had_turn(&mut self, now: Instant, spent: Duration) {
+        self.since = now;
+        self.pause = self.least.max(spent * (SHARE_IN_WAITING - 1));
     }
 }
 
@@ -189,6 +224,36 @@ mod tests {
         }
         let joined = turns.join();
         assert!(first.0 - joined.0 <= PARTS, "one turn ahead, however long it was");
+    }
+
+    #[test]
+    fn who_waits_gets_a_turn_in_time_and_a_tenth_of_the_time() {
+        let least = Duration::from_millis(250);
+        for millis in [5, 25, 100, 400] {
+            let spent = Duration::from_millis(millis);
+            let began = Instant::now();
+            let (mut now, mut used, mut longest) = (began, Duration::ZERO, Duration::ZERO);
+            let mut patience = Patience::new(least, now);
+            let mut last = now;
+            while now < began + Duration::from_secs(60) {
+                if patience.is_over(now) {
+                    longest = longest.max(now - last);
+                    now += spent;
+                    used += spent;
+                    patience.had_turn(now, spent);
+                    last = now;
+                } else {
+                    now += Duration::from_millis(20);
+                }
+            }
+            let share = used.as_secs_f64() / 60.0;
+            assert!((0.015..=0.105).contains(&share), "{millis} ms: {share}");
+            assert!(longest <= least.max(spent * 9) + Duration::from_millis(20), "{longest:?}");
+        }
+        let now = Instant::now();
+        let mut patience = Patience::new(least, now);
+        patience.nobody_waits(now + least);
+        assert!(!patience.is_over(now + least), "who comes later waits from then");
     }
 
     #[test]

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use render::{AdapterPolicy, DrawRequest, Gpu, RenderError, Renderer, View};
 
-use super::turns::{Account, Turns};
+use super::turns::{Account, Patience, Turns};
 use super::watched::{Need, Watched};
 use super::{Inbox, Shared, Still, StillJob, ViewerId};
 
@@ -15,9 +15,10 @@ use super::{Inbox, Shared, Still, StillJob, ViewerId};
 const SLICE: Duration = Duration::from_millis(6);
 /// The same on a software device.
 const SLICE_SOFTWARE: Duration = Duration::from_millis(25);
-/// Refinement and stills get a slice at least this often, however much others move.
+/// Refinement and stills get a slice after this time, however much others move, if their slices are
+/// short ([`Patience`]).
 const BACKGROUND_PATIENCE: Duration = Duration::from_millis(250);
-/// An export gets a slice at least this often, however much there is to do.
+/// The same of an export, however much there is to do.
 const EXPORT_PATIENCE: Duration = Duration::from_secs(1);
 /// Pause before a lost device is opened again.
 const REOPEN_PAUSE: Duration = Duration::from_secs(2);
@@ -36,8 +37,8 @@ pub(super) struct Worker {
     /// What the pictures of one export share, between two of them.
     export_view: View,
     turns: Turns,
-    last_background: Instant,
-    last_export: Instant,
+    background: Patience,
+    exports: Patience,
 }
 
 /// The still being drawn.
@@ -67,8 +68,8 @@ impl Worker {
             export: None,
             export_view: View::new(),
             turns: Turns::default(),
-            last_background: Instant::now(),
-            last_export: Instant::now(),
+            background: Patience::new(BACKGROUND_PATIENCE, Instant::now()),
+            exports: Patience::new(EXPORT_PATIENCE, Instant::now()),
         }
     }
 
@@ -85,7 +86,18 @@ impl Worker {
             };
             let now = Instant::now();
             match self.pick(now) {
-                Ok(turn) => self.work(turn),
+                Ok(turn) => {
+                    self.work(&turn);
+                    let done = Instant::now();
+                    let class = match turn {
+                        Turn::Viewer(_, Need::Still, _) | Turn::Still => Some(&mut self.background),
+                        Turn::Export => Some(&mut self.exports),
+                        Turn::Viewer(..) => None,
+                    };
+                    if let Some(patience) = class {
+                        patience.had_turn(done, done.saturating_duration_since(now));
+                    }
+                }
                 Err(wake_at) => {
                     let mut inbox = shared.inbox.lock();
                     if inbox.version == seen && !inbox.closing {
@@ -160,21 +172,17 @@ impl Worker {
             }
         }
         if background.is_none() {
-            self.last_background = now;
+            self.background.nobody_waits(now);
         }
         if self.export.is_none() {
-            self.last_export = now;
+            self.exports.nobody_waits(now);
         }
-        let starved = now.saturating_duration_since(self.last_background) > BACKGROUND_PATIENCE;
-        let export_starved = now.saturating_duration_since(self.last_export) > EXPORT_PATIENCE;
         let idle = moving.is_none() && background.is_none();
-        if self.export.is_some() && (export_starved || idle) {
-            self.last_export = now;
+        if self.export.is_some() && (idle || self.exports.is_over(now)) {
             return Ok(Turn::Export);
         }
         match (moving, background) {
-            (_, Some((_, who))) if starved || moving.is_none() => {
-                self.last_background = now;
+            (_, Some((_, who))) if moving.is_none() || self.background.is_over(now) => {
                 Ok(who.map_or(Turn::Still, |id| Turn::Viewer(id, Need::Still, 1)))
             }
             (Some((_, id)), _) => Ok(Turn::Viewer(id, Need::Moving, sharers)),
@@ -182,10 +190,10 @@ impl Worker {
         }
     }
 
-    fn work(&mut self, turn: Turn) {
+    fn work(&mut self, turn: &Turn) {
         let slice = if self.software { SLICE_SOFTWARE } else { SLICE };
         match turn {
-            Turn::Viewer(id, need, sharers) => {
+            &Turn::Viewer(id, need, sharers) => {
                 let Some(watched) = self.viewers.get_mut(&id) else { return };
                 let allotted = watched.allotment(need, slice, sharers);
                 let began = Instant::now();

@@ -25,6 +25,9 @@ const MAX_PREVIEW_EDGE: u32 = 512;
 /// Most samples per pixel of a preview.
 const PREVIEW_SAMPLES: u32 = 4;
 
+/// Header of a still: the epoch of the scene it shows.
+const EPOCH_HEADER: &str = "tyndall-epoch";
+
 /// Formats of a still.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, utoipa::ToSchema)]
 #[serde(rename_all = "snake_case")]
@@ -51,15 +54,19 @@ pub struct StillQuery {
     width: Option<u32>,
     /// Pixels, default the scene's `image.height`.
     height: Option<u32>,
+    /// Epoch the scene must be at; 409 if it was edited since.
+    epoch: Option<u32>,
 }
 
-/// Draws the scene from the session's camera, to the scene's `sampling.samples_per_pixel`.
+/// Draws the scene from the session's camera, to the scene's `sampling.samples_per_pixel`. The header
+/// `tyndall-epoch` says which epoch of the scene it shows.
 #[utoipa::path(
     get, path = "/sessions/{id}/snapshot", tag = "sessions", params(("id" = String, Path), StillQuery),
     responses(
         (status = OK, description = "The picture", content(
             (Vec<u8> = "image/png"), (Vec<u8> = "image/x-exr"), (Vec<u8> = "application/x-npy")
         )),
+        (status = CONFLICT, body = Problem, content_type = "application/problem+json", description = "The scene is at another epoch than the one asked for"),
         (status = UNPROCESSABLE_ENTITY, body = Problem, content_type = "application/problem+json"),
         (status = SERVICE_UNAVAILABLE, body = Problem, content_type = "application/problem+json", description = "Too many stills are waiting"),
         (status = GATEWAY_TIMEOUT, body = Problem, content_type = "application/problem+json", description = "Drawing took too long"),
@@ -73,6 +80,12 @@ pub async fn snapshot(
     let session = find(&app, &id).await?;
     let (file, snapshot) =
         crate::blocking("reading a session", move || (session.scene_file(), session.snapshot())).await?;
+    let epoch = snapshot.epoch;
+    if let Some(wanted) = query.epoch.filter(|&wanted| wanted != epoch) {
+        return Err(Fault::conflict(format!(
+            "The scene is at epoch {epoch}, not {wanted}: it was edited meanwhile; ask for the newest."
+        )));
+    }
     let target = Target {
         width: query.width.unwrap_or(file.image.width),
         height: query.height.unwrap_or(file.image.height),
@@ -82,7 +95,9 @@ pub async fn snapshot(
     check_pixels(target.width, target.height)?;
     let radiance = query.format != StillFormat::Png;
     let still = app.renderer().still(snapshot, target, radiance, patience(&app)).await?;
-    answered(still, query.format).await
+    let mut response = answered(still, query.format).await?;
+    response.headers_mut().insert(EPOCH_HEADER, HeaderValue::from(epoch));
+    Ok(response)
 }
 
 /// Refuses a picture of more pixels than are drawn.
