@@ -170,7 +170,7 @@ pub fn check(scene: &Scene) -> Result<(), FieldError> {
             _ => format!("`{}`", scene.method.name()),
         };
         let message = format!("{who} cannot use environment images; give a uniform `radiance` instead");
-        return Err(FieldError::new(format!("lights[{}].image", light.id), message));
+        return Err(FieldError::new(format!("lights[{}].image", light.index), message));
     }
     let built: Vec<&str> = METHODS_BUILT.iter().map(|method| method.name()).collect();
     let message = format!("`{}` is not built yet; available: {}", scene.method.name(), built.join(", "));
@@ -247,13 +247,17 @@ impl Renderer {
         self.bring_tables_up_to_date(view, snapshot, &plan, &mut stages)?;
         self.bring_film_to(view, snapshot, request.target, &plan)?;
         let mut counters = BTreeMap::new();
+        // Of what was read back since the last drawing, its picture say.
+        self.gpu.take_device_millis();
         if plan.runs(Pass::RayCast) {
             stages.time("ray_cast", || self.cast_rays(view, scene, request, began))?;
             stages.time("read_counters", || self.read_counters(view, &mut counters))?;
+            stages.on_device("ray_cast", self.gpu.take_device_millis());
         }
         if plan.runs(Pass::PathTrace) {
             stages.time("path_trace", || self.trace_paths(view, scene, request, began))?;
             stages.time("read_counters", || self.read_path_counters(view, &mut counters))?;
+            stages.on_device("path_trace", self.gpu.take_device_millis());
             count_tiles(view, &plan, &mut counters);
             layers::count_mixed(view, &mut counters);
         } else if plan.film == FilmPlan::Mix {
@@ -556,7 +560,15 @@ impl Stages {
     fn time<T>(&mut self, stage: &str, run: impl FnOnce() -> T) -> T {
         let began = Instant::now();
         let value = run();
-        self.0.push(StageTime { stage: stage.to_owned(), millis: began.elapsed().as_secs_f64() * 1e3 });
+        let millis = began.elapsed().as_secs_f64() * 1e3;
+        self.0.push(StageTime { stage: stage.to_owned(), millis, device_millis: None });
         value
+    }
+
+    /// What a stage took by the device's own clock.
+    fn on_device(&mut self, stage: &str, millis: Option<f64>) {
+        if let Some(known) = self.0.iter_mut().find(|known| known.stage == stage) {
+            known.device_millis = millis;
+        }
     }
 }
