@@ -36,7 +36,8 @@ pub async fn status(State(app): State<Arc<App>>) -> Answer<JsonAnswer<Status>> {
     }))
 }
 
-/// Lists sessions, in memory and on disk, oldest first.
+/// Lists sessions, in memory and on disk, oldest first, each by the identifier for watching it: who may
+/// edit one knows its own.
 #[utoipa::path(get, path = "/sessions", tag = "sessions", responses((status = OK, body = Vec<SessionDocument>)))]
 pub async fn list(State(app): State<Arc<App>>) -> Answer<JsonAnswer<Vec<SessionDocument>>> {
     crate::blocking("listing sessions", move || JsonAnswer(app.sessions().list())).await
