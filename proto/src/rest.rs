@@ -97,6 +97,7 @@ pub struct Dataset {
 
 /// Light from all directions that a scene can be lit by; `image` of an environment light names it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, TS, ToSchema)]
+#[ts(optional_fields)]
 pub struct Environment {
     /// Identifier: content hash of an upload, or the sample's name.
     pub id: String,
@@ -111,6 +112,10 @@ pub struct Environment {
     /// Size of the upload, bytes; 0 for samples.
     #[ts(type = "number")]
     pub bytes: u64,
+    /// Linear RGB, mean over all directions at scale 1; absent for those that an earlier version of the
+    /// service stored.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mean_radiance: Option<[f64; 3]>,
     /// What the reader wants to be known.
     pub notices: Vec<String>,
 }
@@ -343,7 +348,8 @@ pub struct ProbeHit {
     pub value: f64,
 }
 
-/// A session: a scene with its caches.
+/// A session: a scene with its caches. In `GET /api/v1/sessions` each is told as to those who watch:
+/// the identifier for editing is known to those who opened it, or were given it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, TS, ToSchema)]
 #[ts(optional_fields)]
 pub struct Session {

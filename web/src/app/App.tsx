@@ -5,6 +5,7 @@ import { DatasetsPanel } from "../datasets/DatasetsPanel";
 import { DropZone } from "../datasets/DropZone";
 import { refreshDatasets } from "../datasets/store";
 import { Gallery } from "../gallery/Gallery";
+import { refreshEnvironments } from "../lights/environmentStore";
 import { LightsPanel } from "../lights/LightsPanel";
 import { MaterialsPanel } from "../materials/MaterialsPanel";
 import { ClipPanel } from "../quality/ClipPanel";
@@ -38,8 +39,11 @@ export function App() {
     return () => window.removeEventListener("keydown", handleKey);
   }, []);
 
-  // The list is asked for at the start and after every time the service was away.
-  useEffect(() => void refreshDatasets(), [connected]);
+  // The lists are asked for at the start and after every time the service was away.
+  useEffect(() => {
+    void refreshDatasets();
+    if (connected) void refreshEnvironments();
+  }, [connected]);
 
   useEffect(() => useSession.subscribe(({ fieldError }, before) => {
     if (fieldError && fieldError !== before.fieldError && !SHOWN_IN_PLACE.test(fieldError.field)) {

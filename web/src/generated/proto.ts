@@ -603,9 +603,14 @@ export type StageTime = {
  */
 stage: string, 
 /**
- * Wall time, milliseconds.
+ * Wall time, handing work over and waiting included, milliseconds.
  */
-millis: number, };
+millis: number, 
+/**
+ * Time of the device at work, by its own clock, milliseconds; absent where it has none, and for
+ * stages that are not its work.
+ */
+device_millis?: number, };
 
 export type FrameReport = { 
 /**
@@ -778,6 +783,11 @@ height: number,
  * Size of the upload, bytes; 0 for samples.
  */
 bytes: number, 
+/**
+ * Linear RGB, mean over all directions at scale 1; absent for those that an earlier version of the
+ * service stored.
+ */
+mean_radiance?: [number, number, number], 
 /**
  * What the reader wants to be known.
  */
