@@ -24,11 +24,16 @@ pub struct PassReport {
 
 /// Time of one stage of a frame.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, TS, ToSchema)]
+#[ts(optional_fields)]
 pub struct StageTime {
     /// Name of the stage.
     pub stage: String,
-    /// Wall time, milliseconds.
+    /// Wall time, handing work over and waiting included, milliseconds.
     pub millis: f64,
+    /// Time of the device at work, by its own clock, milliseconds; absent where it has none, and for
+    /// stages that are not its work.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub device_millis: Option<f64>,
 }
 
 /// The plan of a frame and what it cost.

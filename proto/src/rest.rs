@@ -97,6 +97,7 @@ pub struct Dataset {
 
 /// Light from all directions that a scene can be lit by; `image` of an environment light names it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, TS, ToSchema)]
+#[ts(optional_fields)]
 pub struct Environment {
     /// Identifier: content hash of an upload, or the sample's name.
     pub id: String,
@@ -111,6 +112,10 @@ pub struct Environment {
     /// Size of the upload, bytes; 0 for samples.
     #[ts(type = "number")]
     pub bytes: u64,
+    /// Linear RGB, mean over all directions at scale 1; absent for those that an earlier version of the
+    /// service stored.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mean_radiance: Option<[f64; 3]>,
     /// What the reader wants to be known.
     pub notices: Vec<String>,
 }
@@ -214,6 +219,87 @@ pub struct PreviewRequest {
     pub height: u32,
 }
 
+/// How pictures of an export are kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, TS, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ExportFormat {
+    /// One animated PNG, which browsers play again and again.
+    #[default]
+    Apng,
+    /// A zip archive of one PNG a picture: `frame-0001.png` and on.
+    Zip,
+}
+
+/// `POST /api/v1/sessions/{id}/exports`: the session's scene from a camera that goes around its
+/// target.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, TS, ToSchema)]
+#[serde(deny_unknown_fields)]
+#[ts(optional_fields)]
+pub struct ExportRequest {
+    /// Width of the pictures, pixels.
+    pub width: u32,
+    /// Height of the pictures, pixels.
+    pub height: u32,
+    /// Number of pictures, 2 to 1440.
+    pub frames: u32,
+    /// Turns about the camera's upright axis, -10 to 10; positive ones are right-handed about it.
+    pub turns: f64,
+    /// Pictures a second, 1 to 60, where the format tells.
+    pub frames_per_second: u32,
+    /// Samples, or paths, per pixel, 1 to 4096; absent: as many as the scene has at rest.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub samples: Option<u32>,
+    /// Default apng.
+    #[serde(default)]
+    pub format: ExportFormat,
+    /// Where the way begins; absent: the session's camera.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub camera: Option<Camera>,
+}
+
+/// How far an export has come.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, TS, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ExportState {
+    /// Others are drawn first.
+    Waiting,
+    /// Pictures are drawn.
+    Drawing,
+    /// The file can be fetched.
+    Done,
+    /// There will be no file; `problem` says why.
+    Failed,
+}
+
+/// `GET /api/v1/exports/{id}`. Exports do not survive a restart of the service.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, TS, ToSchema)]
+#[ts(optional_fields)]
+pub struct Export {
+    /// Identifier.
+    pub id: String,
+    /// How far it has come.
+    pub state: ExportState,
+    /// Width of the pictures, pixels.
+    pub width: u32,
+    /// Height of the pictures, pixels.
+    pub height: u32,
+    /// How they are kept.
+    pub format: ExportFormat,
+    /// Number of pictures.
+    pub frames: u32,
+    /// Pictures that are drawn and written.
+    pub frames_done: u32,
+    /// Time until it is done, seconds, as far as the pictures so far tell.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seconds_left: Option<f64>,
+    /// Bytes of the file so far.
+    #[ts(type = "number")]
+    pub bytes: u64,
+    /// Why there is no file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub problem: Option<Problem>,
+}
+
 /// `POST /api/v1/sessions`: from a scene, or from a dataset with its default scene.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, TS, ToSchema)]
 #[serde(deny_unknown_fields)]
@@ -262,7 +348,8 @@ pub struct ProbeHit {
     pub value: f64,
 }
 
-/// A session: a scene with its caches.
+/// A session: a scene with its caches. In `GET /api/v1/sessions` each is told as to those who watch:
+/// the identifier for editing is known to those who opened it, or were given it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, TS, ToSchema)]
 #[ts(optional_fields)]
 pub struct Session {

@@ -21,6 +21,7 @@ import { returnSteps } from "./steps/return.js";
 import { stillSteps } from "./steps/still.js";
 import { touchSteps } from "./steps/touch.js";
 import { transferSteps } from "./steps/transfer-function.js";
+import { turntableSteps } from "./steps/turntable.js";
 import { uploadSteps } from "./steps/uploads.js";
 import { watchingSteps } from "./steps/watching.js";
 
@@ -47,6 +48,7 @@ describe("the page in a real browser", () => {
   planSteps();
   returnSteps();
   stillSteps();
+  turntableSteps();
   gallerySteps();
   watchingSteps();
   restartSteps();

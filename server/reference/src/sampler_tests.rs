@@ -238,7 +238,7 @@ fn environments_are_sampled_by_their_density() {
 }
 
 fn sources() -> Vec<(&'static str, Source)> {
-    let light = |geometry| Source::new(&Light { id: "l".into(), geometry, power: DVec3::ONE });
+    let light = |geometry| Source::new(&Light { id: "l".into(), index: 0, geometry, power: DVec3::ONE });
     let center = DVec3::new(0.1, 0.9, 0.4);
     let normal = DVec3::new(0.2, -0.9, -0.3).normalize();
     let up = (DVec3::X - normal * normal.x).normalize();

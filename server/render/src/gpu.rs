@@ -4,6 +4,7 @@ use std::sync::{Arc, Mutex};
 
 use proto::rest::DeviceInfo;
 
+use crate::device_clock::{DeviceClock, Turn};
 use crate::error::RenderError;
 
 /// Allocations fail cleanly beyond this share of the memory that the driver says is there, percent:
@@ -27,6 +28,8 @@ pub struct Gpu {
     limits: wgpu::Limits,
     /// Optional abilities, probed once.
     pub(crate) abilities: Abilities,
+    /// Where the device tells times.
+    clock: Option<DeviceClock>,
     /// First error the driver reported outside an error scope; taken by [`Gpu::take_error`].
     error: Arc<Mutex<Option<RenderError>>>,
 }
@@ -80,7 +83,9 @@ impl Gpu {
         adapter_info: wgpu::AdapterInfo,
         software: bool,
     ) -> Result<Arc<Self>, RenderError> {
-        let wanted = wgpu::Features::FLOAT32_FILTERABLE | wgpu::Features::TEXTURE_FORMAT_16BIT_NORM;
+        let wanted = wgpu::Features::FLOAT32_FILTERABLE
+            | wgpu::Features::TEXTURE_FORMAT_16BIT_NORM
+            | DeviceClock::FEATURES;
         let features = adapter.features() & wanted;
         let limits = adapter.limits();
         let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
@@ -108,7 +113,8 @@ impl Gpu {
         let driver = format!("{} {}", adapter_info.driver, adapter_info.driver_info);
         let info = DeviceInfo { name: adapter_info.name, driver: driver.trim().to_owned(), software };
         tracing::info!(device = info.name, driver = info.driver, software, "GPU opened");
-        Ok(Arc::new(Self { device, queue, info, limits, abilities, error }))
+        let clock = DeviceClock::of(&device, &queue);
+        Ok(Arc::new(Self { device, queue, info, limits, abilities, clock, error }))
     }
 
     /// What renders.
@@ -137,6 +143,7 @@ impl Gpu {
             ("workgroup", format!("{} invocations", self.limits.max_compute_invocations_per_workgroup)),
             ("filters 32-bit float textures", yes_no(self.abilities.filter_f32)),
             ("filters 16-bit integer textures", yes_no(self.abilities.filter_unorm16)),
+            ("times of passes", if self.clock.is_some() { "by its own clock" } else { "by the wall" }.into()),
         ]
     }
 
@@ -195,8 +202,12 @@ impl Gpu {
         [columns, rows, layers]: [u32; 3],
     ) {
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let mut clock = self.clock.as_ref().map(DeviceClock::turn);
         {
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+                label: None,
+                timestamp_writes: clock.as_mut().and_then(Turn::stamps),
+            });
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, bind_group, &[]);
             pass.dispatch_workgroups(columns, rows, layers);
@@ -220,22 +231,39 @@ impl Gpu {
         self.allocating(label, bytes, || self.device.create_buffer(&descriptor))
     }
 
+    /// Time of the dispatches since the last call that were read back from, by the device's own clock,
+    /// milliseconds; `None` where it has none.
+    pub(crate) fn take_device_millis(&self) -> Option<f64> {
+        self.clock.as_ref().and_then(DeviceClock::take_millis)
+    }
+
     /// Copies a buffer to the host. Waits for everything submitted before.
     pub(crate) fn read_buffer(&self, source: &wgpu::Buffer, bytes: u64) -> Result<Vec<u8>, RenderError> {
         let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ;
-        let staging = self.buffer("read back", bytes, usage)?;
+        let mut turn = self.clock.as_ref().map(DeviceClock::turn);
+        let times_bytes = turn.as_ref().map_or(0, Turn::pending_bytes);
+        let times_at = bytes.next_multiple_of(8);
+        let whole = times_at + times_bytes;
+        let staging = self.buffer("read back", whole, usage)?;
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encoder.copy_buffer_to_buffer(source, 0, &staging, 0, bytes);
+        if let Some(turn) = &mut turn {
+            turn.copy(&mut encoder, &staging, times_at);
+        }
         self.queue.submit([encoder.finish()]);
+        drop(turn);
         let (sender, receiver) = std::sync::mpsc::channel();
-        staging.map_async(wgpu::MapMode::Read, 0..bytes, move |result| {
+        staging.map_async(wgpu::MapMode::Read, 0..whole, move |result| {
             let _ = sender.send(result);
         });
         self.wait()?;
         let failed = |reason: String| RenderError::Gpu(format!("reading back failed: {reason}"));
         receiver.recv().map_err(|e| failed(e.to_string()))?.map_err(|e| failed(e.to_string()))?;
-        let view = staging.get_mapped_range(0..bytes).map_err(|e| failed(e.to_string()))?;
-        Ok(view.to_vec())
+        let view = staging.get_mapped_range(0..whole).map_err(|e| failed(e.to_string()))?;
+        if let Some(clock) = &self.clock {
+            clock.take_in(&view[times_at as usize..]);
+        }
+        Ok(view[..bytes as usize].to_vec())
     }
 }
 

@@ -214,6 +214,6 @@ fn local_refuses_environment_images_by_name() {
     let images = [("sky.hdr".to_owned(), std::sync::Arc::new(image))].into();
     let scene = scene::Scene::with_images(&file, homogeneous([2; 3]), &images).unwrap();
     let refused = render::check(&scene).unwrap_err();
-    assert_eq!(refused.field, "lights[dome].image");
+    assert_eq!(refused.field, "lights[0].image");
     assert!(refused.message.contains("`local`"), "{refused}");
 }

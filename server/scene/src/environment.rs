@@ -78,6 +78,21 @@ impl EnvironmentImage {
         &self.texels
     }
 
+    /// Linear RGB radiance, mean over all directions; each texel stands for its solid angle.
+    pub fn mean_radiance(&self) -> [f64; 3] {
+        let (mut sum, mut weights) = ([0.0; 3], 0.0);
+        for (row, texels) in self.texels.chunks(self.width).enumerate() {
+            // Of a row between two polar angles: the difference of their cosines.
+            let cosine = |edge: usize| (std::f64::consts::PI * edge as f64 / self.height as f64).cos();
+            let weight = (cosine(row) - cosine(row + 1)) / self.width as f64;
+            for texel in texels {
+                (0..3).for_each(|channel| sum[channel] += weight * f64::from(texel[channel]));
+                weights += weight;
+            }
+        }
+        sum.map(|channel: f64| channel / weights)
+    }
+
     /// BLAKE3 of size and texels: equal content, equal hash.
     pub fn content(&self) -> [u8; 32] {
         self.content
@@ -114,6 +129,20 @@ mod tests {
     use crate::changes::{Changes, LightChange};
     use crate::scene::{Background, Scene};
     use crate::{PreparedVolume, Volume, Voxels};
+
+    #[test]
+    fn the_mean_is_over_directions_and_not_over_texels() {
+        let mean =
+            |width, height, rgb: &[f32]| EnvironmentImage::new(width, height, rgb).unwrap().mean_radiance();
+        let all = mean(4, 3, &[[0.5f32, 1.0, 2.0]; 12].concat());
+        all.iter().zip([0.5, 1.0, 2.0]).for_each(|(got, expected)| assert!((got - expected).abs() < 1e-12));
+        // The cap above 60 degrees of latitude is (1 - cos 30) / 2 of all directions.
+        let mut cap = [[0.0f32; 3]; 12];
+        cap[0] = [1.0; 3];
+        cap[1] = [1.0; 3];
+        let share = (1.0 - (std::f64::consts::PI / 6.0).cos()) / 2.0;
+        assert!((mean(2, 6, &cap.concat())[0] - share).abs() < 1e-12);
+    }
 
     /// A scene lit by the image `sky`.
     fn scene(light: serde_json::Value, sky: Option<&[f32]>) -> Result<Scene, proto::FieldError> {

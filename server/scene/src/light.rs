@@ -8,16 +8,25 @@ use proto::scene_file as file;
 
 use crate::environment::{EnvironmentImage, EnvironmentImages, world_from_map};
 
-/// A light. Switched off it has no power.
-#[derive(Debug, Clone, PartialEq)]
+/// A light. Switched off it has no power. Lights are equal that shine alike: their place in the file
+/// does not matter.
+#[derive(Debug, Clone)]
 pub struct Light {
     /// Stable name.
     pub id: String,
+    /// Its place among the lights of the scene file, from 0, for errors that name a field.
+    pub index: usize,
     /// Where it is and how it spreads.
     pub geometry: LightGeometry,
     /// Linear RGB; irradiance (directional), radiant intensity (point, spot), radiance (others), or
     /// the factor of an environment image.
     pub power: DVec3,
+}
+
+impl PartialEq for Light {
+    fn eq(&self, other: &Self) -> bool {
+        (&self.id, &self.geometry, self.power) == (&other.id, &other.geometry, other.power)
+    }
 }
 
 /// Placement of a light; directions are normalised, `up` is perpendicular to `normal`.
@@ -134,6 +143,6 @@ impl Light {
         };
         let id = light.id().map_or_else(|| index.to_string(), str::to_owned);
         let power = if light.enabled() { v(power) } else { DVec3::ZERO };
-        Ok(Some(Self { id, geometry, power }))
+        Ok(Some(Self { id, index, geometry, power }))
     }
 }

@@ -20,6 +20,7 @@ use crate::datasets::uploads::{self, Uploads};
 use crate::datasets::volumes::{Key, Volumes};
 use crate::datasets::{Catalog, describe};
 use crate::environments::Environments;
+use crate::exports::Exports;
 use crate::metrics::{self, Metrics};
 use crate::problem::{Answer, Fault, as_problems};
 use crate::render_thread::{RenderThread, render_fault};
@@ -38,6 +39,7 @@ pub struct App {
     volumes: Arc<Volumes>,
     environments: Environments,
     resumable: Uploads,
+    exports: Exports,
     sessions: Sessions,
     renderer: RenderThread,
     metrics: Metrics,
@@ -69,6 +71,7 @@ impl App {
         let volumes = Arc::new(Volumes::new(catalog.clone(), samples.clone(), limits));
         let environments = Environments::open(config.data.join("environments"), limits).map_err(unusable)?;
         let sessions = Sessions::open(&config).map_err(unusable)?;
+        let exports = Exports::open(&config).map_err(unusable)?;
         let renderer = RenderThread::start(gpu, limits.max_waiting_stills, limits.max_gpu_bytes)?;
         let processors = std::thread::available_parallelism().map_or(1, usize::from);
         Ok(Arc::new(Self {
@@ -88,6 +91,7 @@ impl App {
             samples,
             volumes,
             resumable,
+            exports,
             config,
         }))
     }
@@ -120,6 +124,11 @@ impl App {
     /// Light from all directions.
     pub fn environments(&self) -> &Environments {
         &self.environments
+    }
+
+    /// Turntables, drawn and under way.
+    pub fn exports(&self) -> &Exports {
+        &self.exports
     }
 
     /// Sessions, in memory and on disk.

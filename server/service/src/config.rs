@@ -39,6 +39,8 @@ pub struct Config {
     /// A resumable upload that receives nothing is removed after this time, and so is what is known
     /// of one that ended, seconds.
     pub upload_idle_seconds: u64,
+    /// An export is kept for this time after it is done, seconds.
+    pub export_keep_seconds: u64,
     /// Longest wait for viewers and requests when the service stops, seconds.
     pub shutdown_seconds: u64,
     /// What one service instance takes on.
@@ -99,6 +101,12 @@ pub struct Limits {
     pub max_waiting_stills: usize,
     /// Longest time a still may take, waiting included, seconds; beyond it 504.
     pub still_seconds: u64,
+    /// Most exports, under way and done; beyond it 503.
+    pub max_exports: usize,
+    /// Most bytes of the files of all exports; one that would exceed it fails.
+    pub max_export_bytes: u64,
+    /// Longest time an export may be drawn, waiting for its turn not counted, seconds.
+    pub export_seconds: u64,
 }
 
 impl Default for Config {
@@ -112,6 +120,7 @@ impl Default for Config {
             session_keep_days: 30,
             viewer_keep_seconds: 120,
             upload_idle_seconds: 24 * 60 * 60,
+            export_keep_seconds: 60 * 60,
             shutdown_seconds: 5,
             limits: Limits::default(),
         }
@@ -144,6 +153,9 @@ impl Default for Limits {
             max_requests: 256,
             max_waiting_stills: 32,
             still_seconds: 120,
+            max_exports: 16,
+            max_export_bytes: 4 << 30,
+            export_seconds: 4 * 60 * 60,
         }
     }
 }

@@ -12,7 +12,7 @@ use utoipa_axum::routes;
 use utoipa_swagger_ui::{Config, SwaggerUi};
 
 use crate::App;
-use crate::{datasets, environments, sessions, viewer};
+use crate::{datasets, environments, exports, sessions, viewer};
 
 #[derive(OpenApi)]
 #[openapi(
@@ -32,6 +32,7 @@ use crate::{datasets, environments, sessions, viewer};
         (name = "environments", description = "Light from all directions"),
         (name = "uploads", description = "Uploads that go on after a break (tus 1.0.0)"),
         (name = "sessions", description = "Scenes being explored"),
+        (name = "exports", description = "Turntables: pictures of a camera that goes around, as one file"),
     )
 )]
 struct Document;
@@ -67,6 +68,9 @@ pub fn api() -> OpenApiRouter<Arc<App>> {
         .routes(routes!(sessions::routes::histogram))
         .routes(routes!(sessions::stills::snapshot))
         .routes(routes!(sessions::stills::preview))
+        .routes(routes!(exports::routes::create))
+        .routes(routes!(exports::routes::get, exports::routes::delete))
+        .routes(routes!(exports::routes::file))
         .routes(routes!(viewer::view))
 }
 

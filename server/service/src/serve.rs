@@ -123,7 +123,10 @@ async fn expire_sessions(state: Arc<App>) {
     loop {
         ticks.tick().await;
         let state = state.clone();
-        let expired = crate::blocking("putting sessions away", move || state.sessions().expire(&state));
+        let expired = crate::blocking("putting sessions away", move || {
+            state.sessions().expire(&state);
+            state.exports().expire();
+        });
         drop(expired.await);
     }
 }

@@ -62,6 +62,11 @@ const states = {
     await visitor.at("tf-presets").click();
     await visitor.at("tf-menu").click();
   },
+  turntable: async (visitor) => {
+    await visitor.key("Escape");
+    await visitor.at("turntable-open").click();
+    await visitor.at("turntable-begin").waitFor();
+  },
   gallery: async (visitor) => {
     await visitor.key("Escape");
     await visitor.at("gallery-open").click();

@@ -1,10 +1,67 @@
 import assert from "node:assert/strict";
+import { createHash } from "node:crypto";
 import { readFile } from "node:fs/promises";
 import { FINAL_MILLIS } from "../lib/page.js";
 import { difference, isLit, pictureFromPng, region } from "../lib/pixels.js";
 import { sessionOf, step, theLetter, world } from "../lib/world.js";
 
+/** SHA-256 of a picture's size and colours. */
+function hashOf({ width, height, data }) {
+  const colours = Buffer.from(data);
+  for (let at = 3; at < colours.length; at += 4) colours[at] = 255;
+  return createHash("sha256").update(`${width} ${height} `).update(colours).digest("hex");
+}
+
+/** The exact picture is to be there so long after the last input, beside the time it takes to draw and encode, milliseconds. */
+const PROMISED_MILLIS = 250;
+
 export function stillSteps() {
+  step("still: after a drag the exact picture follows, and no older one counts", async (arrive, context) => {
+    const visitor = await arrive({ hash: await sessionOf(await theLetter()) });
+    await visitor.picture();
+    // When the page sent each input, and when the canvas came to show each picture.
+    await visitor.page.evaluate(() => {
+      const canvas = document.querySelector("[data-testid=viewport]");
+      globalThis.shownPictures = [];
+      new MutationObserver(() => {
+        const { frame, seq, state } = canvas.dataset;
+        const last = globalThis.shownPictures.at(-1);
+        if (last?.frame !== frame || last?.state !== state) globalThis.shownPictures.push({ at: performance.now(), frame, seq: Number(seq), state });
+      }).observe(canvas, { attributes: true });
+      globalThis.lastInput = 0;
+      const send = WebSocket.prototype.send;
+      WebSocket.prototype.send = function (data) {
+        if (typeof data === "string" && /"seq"/.test(data)) globalThis.lastInput = performance.now();
+        return send.call(this, data);
+      };
+    });
+    const waits = [];
+    for (const [from, to] of [[[0.4, 0.5], [0.6, 0.45]], [[0.6, 0.5], [0.45, 0.55]], [[0.5, 0.4], [0.42, 0.6]]]) {
+      await visitor.drag("viewport", from, to);
+      const shown = await visitor.picture();
+      const { pictures, lastInput } = await visitor.page.evaluate(() => ({ pictures: globalThis.shownPictures.splice(0), lastInput: globalThis.lastInput }));
+      const final = pictures.findLast(({ state }) => state === "final");
+      assert.ok(final.seq >= visitor.sent, "the exact picture shows the last input");
+      const header = visitor.headers.get(Number(final.frame));
+      const drawing = (header.render_micros + header.encode_micros) / 1000;
+      waits.push({ all: final.at - lastInput, drawing });
+
+      // Its pixels are those of the service's own picture of that epoch, and of no other.
+      await Promise.all([visitor.page.waitForEvent("download", { timeout: FINAL_MILLIS }), visitor.key("s")]);
+      const address = `${world.server.origin}/api/v1/sessions/${visitor.session()}/snapshot?width=${shown.width}&height=${shown.height}`;
+      const newest = await world.server.json("GET", `sessions/${visitor.session()}`);
+      const answer = await fetch(`${address}&epoch=${newest.epoch}`);
+      assert.equal(answer.headers.get("tyndall-epoch"), String(newest.epoch));
+      assert.equal(hashOf(pictureFromPng(await answer.arrayBuffer())), hashOf(shown));
+      assert.equal((await fetch(`${address}&epoch=${newest.epoch - 1}`)).status, 409, "a still of an older epoch is refused");
+    }
+    for (const { all, drawing } of waits) {
+      const beside = all - drawing;
+      context.diagnostic(`exact ${all.toFixed(0)} ms after the last input: ${drawing.toFixed(0)} ms drawing and encoding, ${beside.toFixed(0)} ms beside (${beside <= PROMISED_MILLIS ? "within" : "beyond"} ${PROMISED_MILLIS} ms)`);
+    }
+    assert.deepEqual(visitor.complaints, []);
+  });
+
   step("still: the final picture is the server's PNG, in every pixel", async (arrive) => {
     const visitor = await arrive({ hash: await sessionOf(await theLetter()) });
     const start = await visitor.picture();

@@ -1,6 +1,6 @@
 /** The REST side of the service. Every failure is a `ProblemError` that says in words what happened. */
 
-import type { CreateSession, Dataset, Environment, Histogram, PreviewRequest, Probe, ProbeRequest, Problem, RegionHistogram, Session, Status, Upload } from "../generated/proto";
+import type { CreateSession, Dataset, Environment, Export, ExportRequest, Histogram, PreviewRequest, Probe, ProbeRequest, Problem, RegionHistogram, Session, Status, Upload } from "../generated/proto";
 
 const BASE = "/api/v1";
 
@@ -135,6 +135,21 @@ export async function postPreview(id: string, request: PreviewRequest, signal: A
 export async function getSnapshot(id: string, width: number, height: number): Promise<Blob> {
   const response = await send(`/sessions/${segment(id)}/snapshot?format=png&width=${width}&height=${height}`, {});
   return response.blob();
+}
+
+/** Begins to draw a turntable of the session's scene. */
+export async function postExport(id: string, request: ExportRequest): Promise<Export> {
+  return (await (await postJson(`/sessions/${segment(id)}/exports`, request)).json()) as Export;
+}
+
+export const getExport = (id: string): Promise<Export> => getJson(`/exports/${segment(id)}`);
+export const exportFileUrl = (id: string): string => `${BASE}/exports/${segment(id)}/file`;
+
+/** Stops an export; one that is gone needs no stopping. */
+export async function deleteExport(id: string): Promise<void> {
+  await send(`/exports/${segment(id)}`, { method: "DELETE" }).catch((error: unknown) => {
+    if (!(error instanceof ProblemError) || error.status !== 404) throw error;
+  });
 }
 
 /** Where a viewer of a session connects. */

@@ -5,6 +5,7 @@ import { DatasetsPanel } from "../datasets/DatasetsPanel";
 import { DropZone } from "../datasets/DropZone";
 import { refreshDatasets } from "../datasets/store";
 import { Gallery } from "../gallery/Gallery";
+import { refreshEnvironments } from "../lights/environmentStore";
 import { LightsPanel } from "../lights/LightsPanel";
 import { MaterialsPanel } from "../materials/MaterialsPanel";
 import { ClipPanel } from "../quality/ClipPanel";
@@ -14,6 +15,7 @@ import { session } from "../session/engine";
 import { useSession } from "../session/store";
 import { StatisticsPanel } from "../statistics/StatisticsPanel";
 import { StatusLine } from "../statistics/StatusLine";
+import { TurntableDialog } from "../turntable/TurntableDialog";
 import { TransferPanel } from "../transfer-function/TransferPanel";
 import { Viewport } from "../viewport/Viewport";
 import { HelpSheet } from "./HelpSheet";
@@ -37,8 +39,11 @@ export function App() {
     return () => window.removeEventListener("keydown", handleKey);
   }, []);
 
-  // The list is asked for at the start and after every time the service was away.
-  useEffect(() => void refreshDatasets(), [connected]);
+  // The lists are asked for at the start and after every time the service was away.
+  useEffect(() => {
+    void refreshDatasets();
+    if (connected) void refreshEnvironments();
+  }, [connected]);
 
   useEffect(() => useSession.subscribe(({ fieldError }, before) => {
     if (fieldError && fieldError !== before.fieldError && !SHOWN_IN_PLACE.test(fieldError.field)) {
@@ -72,6 +77,7 @@ export function App() {
       <StatusLine />
       <HelpSheet />
       <Gallery />
+      <TurntableDialog />
       <DropZone />
     </div>
   );

@@ -4,7 +4,8 @@ import { ActionIcon, FileButton, Menu, NativeSelect, Select, Tooltip } from "@ma
 import { useState } from "react";
 import { explore, takeFiles, useDatasets } from "../datasets/store";
 import type { Method } from "../generated/proto";
-import { chooseMethod, pictureOfScene } from "../lights/environments";
+import { chooseMethod, meanRadiance, pictureOfScene } from "../lights/environments";
+import { useEnvironments } from "../lights/environmentStore";
 import { labelOf, methodChoices, shortcoming } from "../quality/methods";
 import { session } from "../session/engine";
 import { isWatching, useSession } from "../session/store";
@@ -105,7 +106,7 @@ function DatasetSelect() {
 function chooseAndSay(method: Method): void {
   const { scene } = useSession.getState();
   if (!scene) return;
-  const { patch, tookPicture } = chooseMethod(scene, method);
+  const { patch, tookPicture } = chooseMethod(scene, method, (image) => meanRadiance(useEnvironments.getState().list, image));
   session.edit(patch);
   if (tookPicture) saySideEffect("method", `${labelOf(method)} takes no environment picture: that light is uniform now.`, (now) => now.illumination.method === method && pictureOfScene(now) === null);
 }

@@ -47,6 +47,7 @@ export const bindings: readonly Binding[] = [
   { keys: ["p"], shown: "P", does: "Pivot on what is in the middle", run: () => void pivotAtMiddle() },
   { keys: ["f"], shown: "F", does: "Full screen", run: () => void toggleFullScreen().catch(sayError) },
   { keys: ["s"], shown: "S", does: "Save a still as PNG", run: () => void saveStill() },
+  { keys: ["t"], shown: "T", does: "Turntable: a camera that goes around, as a file", run: () => void useUi.setState(({ turntableOpen }) => ({ turntableOpen: !turntableOpen })) },
   { keys: ["m"], shown: "M", does: "Measure a distance: press two places", run: toggleMeasuring },
   { edits: true, keys: ["w"], shown: "W", does: "Window and level: drag in the picture, or arrow keys", run: toggleWindowing },
   { edits: true, keys: ["c"], shown: "C", does: "Handles of the clip box and planes", run: () => void useUi.setState((ui) => ({ clipHandles: !ui.clipHandles })) },

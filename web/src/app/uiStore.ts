@@ -33,6 +33,7 @@ interface Passing {
   sheet: Side | null;
   helpOpen: boolean;
   galleryOpen: boolean;
+  turntableOpen: boolean;
   /** Points of the transfer function, ascending. */
   selectedPoints: readonly number[];
   /** Clip box and planes are pulled in the picture. */
@@ -70,6 +71,7 @@ export const useUi = create<Kept & Passing & Actions>()(
       sheet: null,
       helpOpen: false,
       galleryOpen: false,
+      turntableOpen: false,
       selectedPoints: [],
       selectedLight: null,
       sideEffect: null,

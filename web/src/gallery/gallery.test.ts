@@ -3,7 +3,7 @@ import type { Session } from "../generated/proto";
 import { agoInWords, contentOf, inOrder, viewersInWords } from "./sessions";
 
 const session = (id: string, viewers: number, used: number, mode = "volume"): Session =>
-  ({ id, epoch: 1, viewers, created_unix_millis: 0, used_unix_millis: used, role: "editor", watch: `watch-${id}`, scene: { volume: { dataset: "d1", filter: "linear" }, rendering: { mode }, illumination: { method: "local" } } }) as unknown as Session;
+  ({ id, epoch: 1, viewers, created_unix_millis: 0, used_unix_millis: used, role: "watcher", scene: { volume: { dataset: "d1", filter: "linear" }, rendering: { mode }, illumination: { method: "local" } } }) as unknown as Session;
 
 describe("the gallery of sessions", () => {
   it("says how long ago", () => {
@@ -24,7 +24,7 @@ describe("the gallery of sessions", () => {
 
   it("shows one's own first, then what is looked at, then what was used last", () => {
     const all = [session("old", 0, 1), session("new", 0, 2), session("busy", 3, 0), session("mine", 1, 0)];
-    expect(inOrder(all, "watch-old").map(({ id }) => id)).toEqual(["old", "busy", "mine", "new"]);
+    expect(inOrder(all, "old").map(({ id }) => id)).toEqual(["old", "busy", "mine", "new"]);
     expect(inOrder(all, "mine").map(({ id }) => id)).toEqual(["mine", "busy", "new", "old"]);
   });
 });

@@ -35,9 +35,6 @@ export function viewersInWords(viewers: number, mine: boolean): string {
   return viewers === 0 ? "nobody is looking" : counted(viewers, "viewer");
 }
 
-/** Whether a session goes by this identifier, or by this one for watching. */
-export const isOf = (session: Session, id: string | null): boolean => id !== null && (session.id === id || session.watch === id);
-
-/** This page's own first, then those with most viewers, then the one used last. */
+/** This page's own, by the identifier it is listed under, first; then those with most viewers, then the one used last. */
 export const inOrder = (sessions: readonly Session[], own: string | null): Session[] =>
-  [...sessions].sort((a, b) => Number(isOf(b, own)) - Number(isOf(a, own)) || b.viewers - a.viewers || b.used_unix_millis - a.used_unix_millis);
+  [...sessions].sort((a, b) => Number(b.id === own) - Number(a.id === own) || b.viewers - a.viewers || b.used_unix_millis - a.used_unix_millis);

@@ -620,9 +620,14 @@ export type StageTime = {
  */
 stage: string, 
 /**
- * Wall time, milliseconds.
+ * Wall time, handing work over and waiting included, milliseconds.
  */
-millis: number, };
+millis: number, 
+/**
+ * Time of the device at work, by its own clock, milliseconds; absent where it has none, and for
+ * stages that are not its work.
+ */
+device_millis?: number, };
 
 export type FrameReport = { 
 /**
@@ -796,6 +801,11 @@ height: number,
  */
 bytes: number, 
 /**
+ * Linear RGB, mean over all directions at scale 1; absent for those that an earlier version of the
+ * service stored.
+ */
+mean_radiance?: [number, number, number], 
+/**
  * What the reader wants to be known.
  */
 notices: Array<string>, };
@@ -896,6 +906,86 @@ width: number,
  * Height of the picture, pixels, 1 to 512.
  */
 height: number, };
+
+export type ExportFormat = "apng" | "zip";
+
+export type ExportRequest = { 
+/**
+ * Width of the pictures, pixels.
+ */
+width: number, 
+/**
+ * Height of the pictures, pixels.
+ */
+height: number, 
+/**
+ * Number of pictures, 2 to 1440.
+ */
+frames: number, 
+/**
+ * Turns about the camera's upright axis, -10 to 10; positive ones are right-handed about it.
+ */
+turns: number, 
+/**
+ * Pictures a second, 1 to 60, where the format tells.
+ */
+frames_per_second: number, 
+/**
+ * Samples, or paths, per pixel, 1 to 4096; absent: as many as the scene has at rest.
+ */
+samples?: number, 
+/**
+ * Default apng.
+ */
+format: ExportFormat, 
+/**
+ * Where the way begins; absent: the session's camera.
+ */
+camera?: Camera, };
+
+export type ExportState = "waiting" | "drawing" | "done" | "failed";
+
+export type Export = { 
+/**
+ * Identifier.
+ */
+id: string, 
+/**
+ * How far it has come.
+ */
+state: ExportState, 
+/**
+ * Width of the pictures, pixels.
+ */
+width: number, 
+/**
+ * Height of the pictures, pixels.
+ */
+height: number, 
+/**
+ * How they are kept.
+ */
+format: ExportFormat, 
+/**
+ * Number of pictures.
+ */
+frames: number, 
+/**
+ * Pictures that are drawn and written.
+ */
+frames_done: number, 
+/**
+ * Time until it is done, seconds, as far as the pictures so far tell.
+ */
+seconds_left?: number, 
+/**
+ * Bytes of the file so far.
+ */
+bytes: number, 
+/**
+ * Why there is no file.
+ */
+problem?: Problem, };
 
 export type CreateSession = { 
 /**

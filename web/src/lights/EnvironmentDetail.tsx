@@ -13,7 +13,7 @@ import type { Triple } from "../scene/vec";
 import { session } from "../session/engine";
 import { useSession } from "../session/store";
 import {
-  choosePicture, columnBehind, pictureOfScene, takesPictures, turnOf, withoutPicture, withTurn, wrapped, type EnvironmentLight,
+  choosePicture, columnBehind, meanRadiance, pictureOfScene, takesPictures, turnOf, withoutPicture, withTurn, wrapped, type EnvironmentLight,
 } from "./environments";
 import { refreshEnvironments, removeEnvironment, takeEnvironment, useEnvironments } from "./environmentStore";
 
@@ -64,6 +64,7 @@ function Tiles({ light, index, onChange }: DetailProps) {
   const [removing, setRemoving] = useState<Environment | null>(null);
   useEffect(() => void refreshEnvironments(), []);
   const known = light.image === undefined || !list || list.some(({ id }) => id === light.image);
+  const uniform = withoutPicture(light, meanRadiance(list, light.image));
   const open = async (file: File | null) => {
     const taken = file && (await takeEnvironment(file));
     if (taken) choose(index, taken.id);
@@ -71,7 +72,7 @@ function Tiles({ light, index, onChange }: DetailProps) {
   return (
     <>
       <div className="environment-tiles" role="group" aria-label="Light from all around" data-testid="environments">
-        <Tile name="Uniform" chosen={light.image === undefined} testId="environment-uniform" background={uniformColour(withoutPicture(light))} onChoose={() => light.image !== undefined && onChange(withoutPicture(light), "picture")} />
+        <Tile name="Uniform" chosen={light.image === undefined} testId="environment-uniform" background={uniformColour(uniform)} onChoose={() => light.image !== undefined && onChange(uniform, "picture")} />
         {list?.map((environment) => (
           <Tile
             key={environment.id} name={environment.name} chosen={environment.id === light.image} testId={`environment-${environment.id}`} preview={environment.id}

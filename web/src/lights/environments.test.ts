@@ -2,7 +2,7 @@ import { describe, expect, it } from "vitest";
 import type { Camera, Light, SceneFile } from "../generated/proto";
 import { applyPatch, diffPatch } from "../scene/mergePatch";
 import {
-  chooseMethod, choosePicture, columnBehind, pictureOfScene, turnOf, withoutPicture, withPicture, withTurn, wrapped, type EnvironmentLight,
+  chooseMethod, choosePicture, columnBehind, meanRadiance, pictureOfScene, turnOf, withoutPicture, withPicture, withTurn, wrapped, type EnvironmentLight,
 } from "./environments";
 
 const room: EnvironmentLight = { type: "environment", id: "room", enabled: true, radiance: [0.2, 0.2, 0.1] };
@@ -12,7 +12,16 @@ const sun: Light = { type: "directional", enabled: true, direction: [0, -1, 0], 
 const lit = (method: SceneFile["illumination"]["method"], ...lights: Light[]) =>
   ({ lights, illumination: { method, paths_per_pixel: 256, max_error: 0, longest_path: 100 } }) as SceneFile;
 
+const pictures = [{ id: "studio", mean_radiance: [0.7, 0.5, 0.2] as [number, number, number] }, { id: "old" }];
+const mean = (image: string | undefined) => meanRadiance(pictures, image);
+
 describe("environment lights", () => {
+  it("knows how bright a picture is, and takes a middle where it does not", () => {
+    expect(mean("studio")).toEqual([0.7, 0.5, 0.2]);
+    for (const image of ["old", "gone", undefined]) expect(mean(image)).toEqual([0.5, 0.5, 0.5]);
+    expect(meanRadiance(null, "studio")).toEqual([0.5, 0.5, 0.5]);
+  });
+
   it("switches a method that refuses pictures in the edit that chooses one", () => {
     const scene = lit("local", sun, room);
     const { patch, switched } = choosePicture(scene, 1, "studio", false);
@@ -32,13 +41,13 @@ describe("environment lights", () => {
 
   it("takes pictures off for a method that refuses them, and only then", () => {
     const scene = lit("path_traced", sun, studio);
-    const { patch, tookPicture } = chooseMethod(scene, "local");
+    const { patch, tookPicture } = chooseMethod(scene, "local", mean);
     expect(tookPicture).toBe(true);
     const after = applyPatch<SceneFile>(scene, patch);
-    expect(after.lights[1]).toEqual({ type: "environment", id: "room", enabled: true, radiance: [0.378, 0.378, 0.378] });
+    expect(after.lights[1]).toEqual({ type: "environment", id: "room", enabled: true, radiance: [0.49, 0.35, 0.14] });
     expect(pictureOfScene(after)).toBeNull();
-    expect(chooseMethod(scene, "photon_map")).toEqual({ patch: { illumination: { method: "photon_map" } }, tookPicture: false });
-    expect(chooseMethod(lit("path_traced", room), "local")).toEqual({ patch: { illumination: { method: "local" } }, tookPicture: false });
+    expect(chooseMethod(scene, "photon_map", mean)).toEqual({ patch: { illumination: { method: "photon_map" } }, tookPicture: false });
+    expect(chooseMethod(lit("path_traced", room), "local", mean)).toEqual({ patch: { illumination: { method: "local" } }, tookPicture: false });
   });
 
   it("stands pictures upright in anatomical axes and keeps the turn from picture to picture", () => {
@@ -46,7 +55,7 @@ describe("environment lights", () => {
     expect(withPicture(room, "sky", false).rotation_degrees).toBeUndefined();
     const turned = { ...studio, rotation_degrees: [90, 0, 30] as [number, number, number] };
     expect(withPicture(turned, "sky", true)).toEqual({ ...turned, image: "sky" });
-    expect(withoutPicture(room)).toBe(room);
+    expect(withoutPicture(room, [1, 1, 1])).toBe(room);
   });
 
   it("turns about the upright axis and comes round", () => {

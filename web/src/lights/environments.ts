@@ -6,7 +6,7 @@
  * so pictures are stood up there before they are turned (`rotation_degrees` is about x, y, z in order).
  */
 
-import type { Camera, Light, Method, SceneFile } from "../generated/proto";
+import type { Camera, Environment, Light, Method, SceneFile } from "../generated/proto";
 import type { Patch } from "../scene/mergePatch";
 import { rounded, scale, sub, type Triple } from "../scene/vec";
 import { withIds } from "./lights";
@@ -17,12 +17,8 @@ export type EnvironmentLight = Extract<Light, { type: "environment" }>;
 const WITHOUT_PICTURES: readonly Method[] = ["local"];
 const WITH_PICTURES: Method = "path_traced";
 
-const WHITE: Triple = [1, 1, 1];
-/**
- * Mean radiance of a picture at scale 1, where nothing else is known: that of the service's own pictures
- * (studio 0.58, clear sky 0.54, overcast 0.50; mean of the channels over all directions).
- */
-const MEAN_RADIANCE = 0.54;
+/** Radiance in place of a picture whose own is not known: it is gone, or the list has not arrived. */
+const UNKNOWN_RADIANCE: Triple = [0.5, 0.5, 0.5];
 /** Stands a picture of a scene with anatomical axes upright: its +y becomes the world's +z. */
 const STAND_UP_DEGREES = 90;
 
@@ -44,9 +40,13 @@ export function withPicture(light: EnvironmentLight, image: string, anatomical: 
   return { ...common(light), image, scale: 1, ...(anatomical ? { rotation_degrees: [STAND_UP_DEGREES, 0, 0] as Triple } : {}) };
 }
 
-/** The light without its picture: white from everywhere, about as much light in all. */
-export const withoutPicture = (light: EnvironmentLight): EnvironmentLight =>
-  light.image === undefined ? light : { ...common(light), radiance: scale(WHITE, rounded(MEAN_RADIANCE * (light.scale ?? 1))) };
+/** The mean radiance over all directions of a picture at scale 1. */
+export const meanRadiance = (pictures: readonly Pick<Environment, "id" | "mean_radiance">[] | null, image: string | undefined): Triple =>
+  pictures?.find(({ id }) => id === image)?.mean_radiance ?? UNKNOWN_RADIANCE;
+
+/** The light without its picture: as much light in all and of the same colour, from everywhere alike. */
+export const withoutPicture = (light: EnvironmentLight, mean: Triple): EnvironmentLight =>
+  light.image === undefined ? light : { ...common(light), radiance: scale(mean, light.scale ?? 1).map((channel) => rounded(channel, 3)) as Triple };
 
 /** A picture for light `index`; a method that refuses pictures gives way in the same edit. */
 export function choosePicture({ illumination, lights }: Lit, index: number, image: string, anatomical: boolean): { patch: Patch; switched: boolean } {
@@ -56,10 +56,10 @@ export function choosePicture({ illumination, lights }: Lit, index: number, imag
 }
 
 /** Another method; one that refuses pictures takes them off the lights in the same edit. */
-export function chooseMethod(scene: Lit, method: Method): { patch: Patch; tookPicture: boolean } {
+export function chooseMethod(scene: Lit, method: Method, mean: (image: string | undefined) => Triple): { patch: Patch; tookPicture: boolean } {
   const illumination = { method };
   if (takesPictures(method) || pictureOfScene(scene) === null) return { patch: { illumination }, tookPicture: false };
-  const lights = withIds(scene.lights).map((light) => (light.type === "environment" ? withoutPicture(light) : light));
+  const lights = withIds(scene.lights).map((light) => (light.type === "environment" ? withoutPicture(light, mean(light.image)) : light));
   return { patch: { illumination, lights }, tookPicture: true };
 }
 

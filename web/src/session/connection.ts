@@ -1,6 +1,7 @@
 /** The WebSocket to a session: opens it, keeps trying while it is away, tells when the session is gone. */
 
 import { getSession, ProblemError, viewUrl } from "../api/rest";
+import { rememberSession } from "./ownSessions";
 import { PROTOCOL_VERSION, type ClientMessage, type ServerMessage } from "../generated/proto";
 
 /** Pauses between attempts, milliseconds; the last repeats. */
@@ -67,7 +68,7 @@ export class Connection {
     this.close();
     const { generation } = this;
     try {
-      await getSession(id);
+      rememberSession(await getSession(id));
       if (generation === this.generation) this.connect(id);
     } catch (error) {
       if (generation !== this.generation) return;

@@ -18,6 +18,7 @@ import { EditLog } from "./edits";
 import { FrameReceiver } from "./frames";
 import { Inputs, type ViewportSize } from "./inputs";
 import { Meters } from "./meters";
+import { rememberSession } from "./ownSessions";
 import { decodeScene, parseAddress, sessionAddress } from "./shareLink";
 import { isWatching, reported, useSession, type SessionState } from "./store";
 import { SceneSync } from "./sync";
@@ -245,6 +246,7 @@ class Engine {
   private async create(request: CreateSession, wish: number): Promise<void> {
     const { sessionId } = useSession.getState();
     const session = await rest.createSession(request);
+    rememberSession(session);
     if (wish !== this.wish) return;
     this.adopt(session.id, session.scene);
     set({ startFits: request.dataset !== undefined });
@@ -299,6 +301,7 @@ class Engine {
     }
     try {
       const session = await rest.createSession({ scene });
+      rememberSession(session);
       if (wish !== this.wish) return;
       this.sync?.reattach(session.scene);
       window.history.replaceState(null, "", sessionAddress(session.id));

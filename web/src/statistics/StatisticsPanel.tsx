@@ -6,7 +6,7 @@ import { formatBytes } from "../datasets/format";
 import type { FrameHeader, FrameReport } from "../generated/proto";
 import { samplesAtRest } from "../quality/methods";
 import { pictureState, useSession } from "../session/store";
-import { formatCount, headline, passesRun, stateInWords, words } from "./figures";
+import { formatCount, headline, passesRun, stageTime, stateInWords, words } from "./figures";
 
 export function StatisticsPanel() {
   const report = useSession((state) => state.report);
@@ -78,14 +78,14 @@ function Stages({ report }: { report: FrameReport }) {
     <>
       <div className="stage-strip" data-testid="stages">
         {report.stages.map((stage, index) => (
-          <span key={`${stage.stage}-${index}`} style={{ flexGrow: Math.max(stage.millis, total * 0.004) }} data-shade={index % 4} title={`${words(stage.stage)}: ${stage.millis.toFixed(2)} ms`} />
+          <span key={`${stage.stage}-${index}`} style={{ flexGrow: Math.max(stage.millis, total * 0.004) }} data-shade={index % 4} title={`${words(stage.stage)}: ${stageTime(stage)}`} />
         ))}
       </div>
       <dl className="facts">
         {report.stages.map((stage, index) => (
           <div key={`${stage.stage}-${index}`}>
             <dt><i className="stage-key" data-shade={index % 4} />{words(stage.stage)}</dt>
-            <dd>{stage.millis.toFixed(2)} ms</dd>
+            <dd title={stage.device_millis === undefined ? undefined : "By the wall, and by the device's own clock"}>{stageTime(stage)}</dd>
           </div>
         ))}
       </dl>

@@ -1,6 +1,6 @@
 /** Figures of the status line and the statistics, from headers and reports. */
 
-import type { FrameHeader, FrameReport } from "../generated/proto";
+import type { FrameHeader, FrameReport, StageTime } from "../generated/proto";
 import type { PictureState } from "../session/store";
 
 /** The state of the picture in words. */
@@ -40,6 +40,10 @@ export function headline(change: FrameReport | null, newest: FrameReport | null)
 /** The passes that ran, each with its reason. */
 export const passesRun = ({ plan }: FrameReport): string[] =>
   plan.filter((pass) => pass.runs).map((pass) => `${words(pass.pass)}: ${pass.reason}`);
+
+/** The time of a stage: by the wall, and where the device has a clock, of its work alone. */
+export const stageTime = ({ millis, device_millis }: StageTime): string =>
+  `${millis.toFixed(2)} ms${device_millis === undefined ? "" : `, device ${device_millis.toFixed(2)} ms`}`;
 
 /** A count in few characters: 1234567 gives 1.23 M. */
 export function formatCount(count: number): string {

@@ -1,7 +1,7 @@
 import { describe, expect, it } from "vitest";
 import type { FrameHeader, FrameReport, Illumination, Light, Method } from "../generated/proto";
 import { shortcoming, whyNotMixed } from "../quality/methods";
-import { formatCount, headline, passesRun, reusedShare, skippedShare, stateInWords } from "./figures";
+import { formatCount, headline, passesRun, reusedShare, skippedShare, stageTime, stateInWords } from "./figures";
 
 const illumination = (method: Method): Illumination => ({ method, paths_per_pixel: 256, max_error: 0, longest_path: 100000, light_layers: false });
 const frame = { samples_per_pixel: 3, width: 640, height: 360, viewport_width: 640, viewport_height: 360 } as FrameHeader;
@@ -64,5 +64,10 @@ describe("a method", () => {
     const lights = Array.from({ length: 9 }, () => ({ ...lamp, enabled: false }));
     expect(whyNotMixed(lights.slice(1))).toBeNull();
     expect(whyNotMixed(lights)).toContain("there are 9");
+  });
+
+  it("says by which clock a stage was timed", () => {
+    expect(stageTime({ stage: "ray_cast", millis: 3.456 })).toBe("3.46 ms");
+    expect(stageTime({ stage: "ray_cast", millis: 3.456, device_millis: 1.2 })).toBe("3.46 ms, device 1.20 ms");
   });
 });

@@ -69,6 +69,8 @@ pub struct Drawn {
     pub complete: bool,
     /// Complete passes over the image the film holds.
     pub samples_per_pixel: u32,
+    /// Share of the next pass that the film holds besides, 0..1; 0 where paths are followed.
+    pub pass_share: f64,
     /// How well the film is known, where the method tells.
     pub estimate: Option<PathEstimate>,
     /// Share of the light that is the snapshot's, 0..1.
@@ -176,7 +178,7 @@ pub fn check(scene: &Scene) -> Result<(), FieldError> {
             _ => format!("`{}`", scene.method.name()),
         };
         let message = format!("{who} cannot use environment images; give a uniform `radiance` instead");
-        return Err(FieldError::new(format!("lights[{}].image", light.id), message));
+        return Err(FieldError::new(format!("lights[{}].image", light.index), message));
     }
     let built: Vec<&str> = METHODS_BUILT.iter().map(|method| method.name()).collect();
     let message = format!("`{}` is not built yet; available: {}", scene.method.name(), built.join(", "));
@@ -253,6 +255,8 @@ impl Renderer {
         let mut stages = Stages::default();
         let mut counters = BTreeMap::new();
         self.bring_tables_up_to_date(view, snapshot, &plan, &mut stages)?;
+        // Of what was read back since the last drawing, its picture say.
+        self.gpu.take_device_millis();
         let light = view.light.clone();
         let mut light = light.lock();
         if plan.runs(Pass::Illuminate) {
@@ -261,6 +265,7 @@ impl Renderer {
                 let inputs = self.inputs(view, snapshot)?;
                 light.advance(&inputs, deadline, &mut counters)
             })?;
+            stages.on_device("illuminate", self.gpu.take_device_millis());
         }
         let light_is_complete = !scene.has_light_field() || light.is_complete();
         self.bring_film_to(view, snapshot, request.target, &plan, light.version())?;
@@ -272,10 +277,12 @@ impl Renderer {
             let field = light.field().filter(|_| scene.has_light_field());
             stages.time("ray_cast", || self.cast_rays(view, field, scene, request, began))?;
             stages.time("read_counters", || self.read_counters(view, &mut counters))?;
+            stages.on_device("ray_cast", self.gpu.take_device_millis());
         }
         if plan.runs(Pass::PathTrace) {
             stages.time("path_trace", || self.trace_paths(view, scene, request, began))?;
             stages.time("read_counters", || self.read_path_counters(view, &mut counters))?;
+            stages.on_device("path_trace", self.gpu.take_device_millis());
             count_tiles(view, &plan, &mut counters);
             layers::count_mixed(view, &mut counters);
         } else if plan.film == FilmPlan::Mix {
@@ -292,6 +299,7 @@ impl Renderer {
             complete: is_lit && (samples >= request.target.samples_per_pixel || good_enough),
             illumination: if scene.has_light_field() { light.completeness() } else { 1.0 },
             samples_per_pixel: samples,
+            pass_share: view.film.as_ref().map_or(0.0, |film| f64::from(film.rows) / f64::from(film.height)),
             estimate,
             drew: !plan.is_empty(),
             plan,
@@ -612,7 +620,15 @@ impl Stages {
     fn time<T>(&mut self, stage: &str, run: impl FnOnce() -> T) -> T {
         let began = Instant::now();
         let value = run();
-        self.0.push(StageTime { stage: stage.to_owned(), millis: began.elapsed().as_secs_f64() * 1e3 });
+        let millis = began.elapsed().as_secs_f64() * 1e3;
+        self.0.push(StageTime { stage: stage.to_owned(), millis, device_millis: None });
         value
+    }
+
+    /// What a stage took by the device's own clock.
+    fn on_device(&mut self, stage: &str, millis: Option<f64>) {
+        if let Some(known) = self.0.iter_mut().find(|known| known.stage == stage) {
+            known.device_millis = millis;
+        }
     }
 }

@@ -15,7 +15,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 use parking_lot::Mutex;
 use proto::FieldError;
@@ -75,11 +75,13 @@ impl Environments {
         Ok(Self { folder, stored, images: Mutex::default(), most: limits.max_environments })
     }
 
-    /// Samples, then uploads by name.
+    /// Samples, then uploads by name. Blocks while samples are first described.
     pub fn list(&self) -> Vec<Environment> {
+        static DESCRIBED: LazyLock<Vec<Environment>> =
+            LazyLock::new(|| SAMPLES.iter().map(described).collect());
         let mut uploads: Vec<_> = self.stored.lock().values().cloned().collect();
         uploads.sort_by(|a, b| a.name.cmp(&b.name));
-        SAMPLES.iter().map(described).chain(uploads).collect()
+        DESCRIBED.iter().cloned().chain(uploads).collect()
     }
 
     /// Stores an uploaded file; true if it was there before. Blocks.
@@ -114,6 +116,7 @@ impl Environments {
             width: read.image.width() as u32,
             height: read.image.height() as u32,
             bytes: bytes.len() as u64,
+            mean_radiance: Some(read.image.mean_radiance()),
             notices: read.notices,
         };
         let manifest = serde_json::to_vec_pretty(&environment)
@@ -175,8 +178,7 @@ impl Environments {
         }
         let image = match SAMPLES.iter().find(|sample| sample.id == id) {
             Some(sample) => {
-                let (width, height, rgb) = sample.texels();
-                let image = EnvironmentImage::new(width, height, &rgb);
+                let image = sample.image();
                 Arc::new(image.map_err(|error| Fault::internal("computing an environment", &error))?)
             }
             None if self.stored.lock().contains_key(id) => {
@@ -242,6 +244,7 @@ fn described(sample: &samples::Sample) -> Environment {
         width,
         height,
         bytes: 0,
+        mean_radiance: sample.image().ok().map(|image| image.mean_radiance()),
         notices: Vec::new(),
     }
 }

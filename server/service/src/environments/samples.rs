@@ -3,6 +3,7 @@
 use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
+use scene::environment::{EnvironmentError, EnvironmentImage};
 
 /// Texels around the horizon and from pole to pole.
 pub const SIZE: [usize; 2] = [512, 256];
@@ -28,8 +29,17 @@ pub const SAMPLES: [Sample; 3] = [
 ];
 
 impl Sample {
+    /// The picture.
+    ///
+    /// # Errors
+    /// A formula that gives no light.
+    pub fn image(&self) -> Result<EnvironmentImage, EnvironmentError> {
+        let (width, height, rgb) = self.texels();
+        EnvironmentImage::new(width, height, &rgb)
+    }
+
     /// Width, height, and linear RGB from the top row.
-    pub fn texels(&self) -> (usize, usize, Vec<f32>) {
+    fn texels(&self) -> (usize, usize, Vec<f32>) {
         let [width, height] = SIZE;
         let mut rgb = Vec::with_capacity(3 * width * height);
         for row in 0..height {

@@ -90,10 +90,13 @@ pub(super) fn accumulate(report: &mut Option<FrameReport>, drawn: &Drawn) {
         *report = Some(slice);
         return;
     };
-    for StageTime { stage, millis } in slice.stages {
+    for StageTime { stage, millis, device_millis } in slice.stages {
         match report.stages.iter_mut().find(|known| known.stage == stage) {
-            Some(known) => known.millis += millis,
-            None => report.stages.push(StageTime { stage, millis }),
+            Some(known) => {
+                known.millis += millis;
+                known.device_millis = known.device_millis.zip(device_millis).map(|(a, b)| a + b);
+            }
+            None => report.stages.push(StageTime { stage, millis, device_millis }),
         }
     }
     for (name, count) in slice.counters {

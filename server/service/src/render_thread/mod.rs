@@ -7,6 +7,7 @@
 
 mod frame;
 mod pace;
+mod turns;
 mod watched;
 mod worker;
 
@@ -124,6 +125,10 @@ struct Inbox {
     viewers: HashMap<ViewerId, ViewerInput>,
     /// At most `limits.max_waiting_stills`.
     stills: VecDeque<StillJob>,
+    /// The next picture of the export under way.
+    export: Option<StillJob>,
+    /// Whether an export is under way: what its pictures share is kept until then.
+    exporting: bool,
     next_viewer: u64,
     /// Counts changes, so that the thread never sleeps through one.
     version: u64,
@@ -151,6 +156,8 @@ impl RenderThread {
         let inbox = Inbox {
             viewers: HashMap::new(),
             stills: VecDeque::new(),
+            export: None,
+            exporting: false,
             next_viewer: 1,
             version: 0,
             closing: false,
@@ -259,18 +266,37 @@ impl RenderThread {
             inbox.stills.push_back(StillJob { snapshot, target, radiance, deadline, reply });
             self.notify(inbox);
         }
-        let too_slow = || {
-            Fault::too_slow(format!(
-                "The picture was not finished within {} seconds; ask for a smaller one or fewer `sampling.samples_per_pixel`.",
-                patience.as_secs()
-            ))
-        };
-        match tokio::time::timeout(patience, answer).await {
-            Ok(Ok(Ok(still))) => Ok(still),
-            Ok(Ok(Err(error))) => Err(render_fault(error)),
-            // The thread drops the reply when the deadline passes or the service stops.
-            Ok(Err(_)) | Err(_) => Err(too_slow()),
+        answered(answer, patience, "`sampling.samples_per_pixel`").await
+    }
+
+    /// Draws the next picture of the export under way, behind everything else. There is one at a time:
+    /// another picture takes the place of one that nobody waits for any more.
+    ///
+    /// # Errors
+    /// It takes longer than `patience` (504), the GPU refuses.
+    pub async fn export_picture(
+        &self,
+        snapshot: Arc<Snapshot>,
+        target: Target,
+        patience: Duration,
+    ) -> Answer<Still> {
+        let (reply, answer) = oneshot::channel();
+        let deadline = Instant::now() + patience;
+        {
+            let mut inbox = self.shared.inbox.lock();
+            inbox.export = Some(StillJob { snapshot, target, radiance: false, deadline, reply });
+            inbox.exporting = true;
+            self.notify(inbox);
         }
+        answered(answer, patience, "`frames` or `samples`").await
+    }
+
+    /// Lets go of what the pictures of an export shared.
+    pub fn end_export(&self) {
+        let mut inbox = self.shared.inbox.lock();
+        inbox.export = None;
+        inbox.exporting = false;
+        self.notify(inbox);
     }
 
     /// Whether the thread is at work or waits for work.
@@ -299,6 +325,23 @@ impl RenderThread {
 impl Drop for RenderThread {
     fn drop(&mut self) {
         self.stop();
+    }
+}
+
+/// What became of a picture that is waited for; `less` is what may be asked for to be quicker.
+async fn answered(
+    answer: oneshot::Receiver<Result<Still, RenderError>>,
+    patience: Duration,
+    less: &str,
+) -> Answer<Still> {
+    match tokio::time::timeout(patience, answer).await {
+        Ok(Ok(Ok(still))) => Ok(still),
+        Ok(Ok(Err(error))) => Err(render_fault(error)),
+        // The thread drops the reply when the deadline passes or the service stops.
+        Ok(Err(_)) | Err(_) => Err(Fault::too_slow(format!(
+            "The picture was not finished within {} seconds; ask for a smaller one or fewer {less}.",
+            patience.as_secs()
+        ))),
     }
 }
 

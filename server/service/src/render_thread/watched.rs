@@ -11,6 +11,7 @@ use tokio::sync::mpsc::error::TrySendError;
 
 use super::frame::{self, Drawing, Kind};
 use super::pace::{Moving, Pace};
+use super::turns::{Account, allotment};
 use super::{Encoding, FinishedFrame, MAX_FRAMES_IN_FLIGHT, Output, ViewerInput};
 
 /// Without a visible change for this long, a viewer is at rest.
@@ -61,8 +62,8 @@ pub(super) struct Watched {
     moving_began: Option<Instant>,
     /// When it was last worked on.
     worked: Instant,
-    /// GPU time used, for fairness.
-    pub(super) used: Duration,
+    /// Time used, for fairness.
+    pub(super) account: Account,
 }
 
 struct Film {
@@ -99,7 +100,7 @@ pub(super) enum Need {
 }
 
 impl Watched {
-    pub(super) fn new(input: ViewerInput, software: bool) -> Self {
+    pub(super) fn new(input: ViewerInput, software: bool, account: Account) -> Self {
         Self {
             view: View::new(),
             pace: Pace::new(software),
@@ -114,7 +115,7 @@ impl Watched {
             lost: 0,
             moving_began: None,
             worked: Instant::now(),
-            used: Duration::ZERO,
+            account,
         }
     }
 
@@ -212,24 +213,26 @@ impl Watched {
         self.failed.as_ref().is_some_and(|snapshot| Arc::ptr_eq(snapshot, &self.input.snapshot))
     }
 
-    /// Works on the present picture for one slice; `sharers` viewers are moving at once. A moving
-    /// picture gets all its time at once: it is wanted whole, and each slice costs a wait.
+    /// Time its next turn gets where `sharers` viewers are moving at once. A moving picture gets all
+    /// its time at once: it is wanted whole, and each slice costs a wait.
+    pub(super) fn allotment(&self, need: Need, slice: Duration, sharers: u32) -> Duration {
+        if need == Need::Moving { allotment(self.moving_time, slice, sharers) } else { slice }
+    }
+
+    /// Works on the present picture for one turn.
     pub(super) fn advance(
         &mut self,
         renderer: &mut Renderer,
         need: Need,
-        slice: Duration,
-        sharers: u32,
+        time: Duration,
     ) -> Result<(), RenderError> {
         let began = Instant::now();
-        let time = self.moving_time / sharers.max(1);
         if self.drawing.is_none() {
             self.drawing = self.begin(renderer, need, time);
         }
         let Some(drawing) = &mut self.drawing else { return Ok(()) };
         let (snapshot, target) = (drawing.snapshot.clone(), drawing.target);
-        let budget = if matches!(drawing.kind, Kind::Moving(_)) { time } else { slice };
-        let request = DrawRequest { snapshot: &snapshot, target, budget: Some(budget) };
+        let request = DrawRequest { snapshot: &snapshot, target, budget: Some(time) };
         let drawn = renderer.draw(&mut self.view, &request)?;
         frame::accumulate(&mut drawing.report, &drawn);
         drawing.casting += frame::casting_time(&drawn);
@@ -247,13 +250,12 @@ impl Watched {
             Kind::Preview if drawn.complete => self.finish_reduced(renderer, Encoding::Refining, began),
             Kind::Preview => Ok(()),
             Kind::Moving(_) => {
-                self.give_up_if_too_slow(time);
+                self.give_up_if_too_slow(time, drawn.pass_share);
                 Ok(())
             }
             Kind::Still => self.show_still(renderer, &drawn),
         };
         self.worked = Instant::now();
-        self.used += self.worked.saturating_duration_since(began);
         result
     }
 
@@ -368,10 +370,12 @@ impl Watched {
         Ok(())
     }
 
-    /// A picture that takes too long is begun again smaller, if there is a smaller size.
-    fn give_up_if_too_slow(&mut self, time: Duration) {
+    /// A picture that takes too long is begun again smaller, if there is a smaller size and what is
+    /// missing of this one, of which `done` is there, would take as long.
+    fn give_up_if_too_slow(&mut self, time: Duration, done: f64) {
         let Some(drawing) = &self.drawing else { return };
-        if drawing.casting > time.mul_f64(PATIENCE) {
+        let missing = drawing.casting.as_secs_f64() * (1.0 - done) / done.max(f64::EPSILON);
+        if drawing.casting > time.mul_f64(PATIENCE) && missing > time.as_secs_f64() {
             let pixels = u64::from(drawing.target.width) * u64::from(drawing.target.height);
             if self.pace.too_slow(pixels, drawing.casting) {
                 self.drawing = None;

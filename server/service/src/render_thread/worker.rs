@@ -1,11 +1,13 @@
 //! The render thread's loop: whose turn it is, one slice of work at a time.
 
 use std::collections::HashMap;
+use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use render::{AdapterPolicy, DrawRequest, Gpu, RenderError, Renderer, View};
 
+use super::turns::{Account, Patience, Turns};
 use super::watched::{Need, Watched};
 use super::{Inbox, Shared, Still, StillJob, ViewerId};
 
@@ -13,8 +15,11 @@ use super::{Inbox, Shared, Still, StillJob, ViewerId};
 const SLICE: Duration = Duration::from_millis(6);
 /// The same on a software device.
 const SLICE_SOFTWARE: Duration = Duration::from_millis(25);
-/// Refinement and stills get a slice at least this often, however much others move.
+/// Refinement and stills get a slice after this time, however much others move, if their slices are
+/// short ([`Patience`]).
 const BACKGROUND_PATIENCE: Duration = Duration::from_millis(250);
+/// The same of an export, however much there is to do.
+const EXPORT_PATIENCE: Duration = Duration::from_secs(1);
 /// Pause before a lost device is opened again.
 const REOPEN_PAUSE: Duration = Duration::from_secs(2);
 
@@ -27,22 +32,27 @@ pub(super) struct Worker {
     max_gpu_bytes: u64,
     viewers: HashMap<ViewerId, Watched>,
     still: Option<ActiveStill>,
-    /// GPU time used by whoever worked last: who joins starts here, without arrears or credit.
-    clock: Duration,
-    last_background: Instant,
+    /// The picture of the export under way.
+    export: Option<ActiveStill>,
+    /// What the pictures of one export share, between two of them.
+    export_view: View,
+    turns: Turns,
+    background: Patience,
+    exports: Patience,
 }
 
 /// The still being drawn.
 struct ActiveStill {
     job: StillJob,
     view: View,
-    used: Duration,
+    account: Account,
 }
 
 /// Whose turn it is.
 enum Turn {
     Viewer(ViewerId, Need, u32),
     Still,
+    Export,
 }
 
 impl Worker {
@@ -55,8 +65,11 @@ impl Worker {
             max_gpu_bytes,
             viewers: HashMap::new(),
             still: None,
-            clock: Duration::ZERO,
-            last_background: Instant::now(),
+            export: None,
+            export_view: View::new(),
+            turns: Turns::default(),
+            background: Patience::new(BACKGROUND_PATIENCE, Instant::now()),
+            exports: Patience::new(EXPORT_PATIENCE, Instant::now()),
         }
     }
 
@@ -73,7 +86,18 @@ impl Worker {
             };
             let now = Instant::now();
             match self.pick(now) {
-                Ok(turn) => self.work(turn),
+                Ok(turn) => {
+                    self.work(&turn);
+                    let done = Instant::now();
+                    let class = match turn {
+                        Turn::Viewer(_, Need::Still, _) | Turn::Still => Some(&mut self.background),
+                        Turn::Export => Some(&mut self.exports),
+                        Turn::Viewer(..) => None,
+                    };
+                    if let Some(patience) = class {
+                        patience.had_turn(done, done.saturating_duration_since(now));
+                    }
+                }
                 Err(wake_at) => {
                     let mut inbox = shared.inbox.lock();
                     if inbox.version == seen && !inbox.closing {
@@ -93,12 +117,10 @@ impl Worker {
     fn take_inputs(&mut self, inbox: &mut Inbox) {
         self.viewers.retain(|id, _| inbox.viewers.contains_key(id));
         for (id, input) in &inbox.viewers {
-            let clock = self.clock;
-            let watched = self.viewers.entry(*id).or_insert_with(|| {
-                let mut watched = Watched::new(input.clone(), self.software);
-                watched.used = clock;
-                watched
-            });
+            let watched = self
+                .viewers
+                .entry(*id)
+                .or_insert_with(|| Watched::new(input.clone(), self.software, self.turns.join()));
             watched.take(input);
         }
         let now = Instant::now();
@@ -106,21 +128,33 @@ impl Worker {
         if self.still.as_ref().is_some_and(|still| !wanted(&still.job)) {
             self.still = None;
         }
+        if self.export.as_ref().is_some_and(|export| !wanted(&export.job)) {
+            self.export = None;
+        }
+        if !inbox.exporting {
+            self.export_view = View::new();
+        }
+        if self.export.is_none()
+            && let Some(job) = inbox.export.take().filter(wanted)
+        {
+            let view = std::mem::take(&mut self.export_view);
+            self.export = Some(ActiveStill { job, view, account: self.turns.join() });
+        }
         inbox.stills.retain(wanted);
         if self.still.is_none()
             && let Some(job) = inbox.stills.pop_front()
         {
-            self.still = Some(ActiveStill { job, view: View::new(), used: self.clock });
+            self.still = Some(ActiveStill { job, view: View::new(), account: self.turns.join() });
         }
     }
 
-    /// Moving viewers before background work, within each class who has used least; or the time
-    /// until which nobody needs anything.
+    /// Moving viewers before background work, exports behind both, within each class who had fewest
+    /// turns; or the time until which nobody needs anything.
     fn pick(&mut self, now: Instant) -> Result<Turn, Option<Instant>> {
         let mut wake_at: Option<Instant> = None;
-        let mut moving: Option<(Duration, ViewerId)> = None;
-        let mut background: Option<(Duration, Option<ViewerId>)> =
-            self.still.as_ref().map(|still| (still.used, None));
+        let mut moving: Option<(Account, ViewerId)> = None;
+        let mut background: Option<(Account, Option<ViewerId>)> =
+            self.still.as_ref().map(|still| (still.account, None));
         let mut sharers = 0;
         for (&id, watched) in &self.viewers {
             match watched.need(now) {
@@ -128,22 +162,27 @@ impl Worker {
                 Need::Until(at) => wake_at = Some(wake_at.map_or(at, |earliest| earliest.min(at))),
                 Need::Moving => {
                     sharers += 1;
-                    let candidate = (watched.used, id);
+                    let candidate = (watched.account, id);
                     moving = Some(moving.map_or(candidate, |best| best.min(candidate)));
                 }
                 Need::Still => {
-                    let candidate = (watched.used, Some(id));
+                    let candidate = (watched.account, Some(id));
                     background = Some(background.map_or(candidate, |best| best.min(candidate)));
                 }
             }
         }
         if background.is_none() {
-            self.last_background = now;
+            self.background.nobody_waits(now);
         }
-        let starved = now.saturating_duration_since(self.last_background) > BACKGROUND_PATIENCE;
+        if self.export.is_none() {
+            self.exports.nobody_waits(now);
+        }
+        let idle = moving.is_none() && background.is_none();
+        if self.export.is_some() && (idle || self.exports.is_over(now)) {
+            return Ok(Turn::Export);
+        }
         match (moving, background) {
-            (_, Some((_, who))) if starved || moving.is_none() => {
-                self.last_background = now;
+            (_, Some((_, who))) if moving.is_none() || self.background.is_over(now) => {
                 Ok(who.map_or(Turn::Still, |id| Turn::Viewer(id, Need::Still, 1)))
             }
             (Some((_, id)), _) => Ok(Turn::Viewer(id, Need::Moving, sharers)),
@@ -151,15 +190,15 @@ impl Worker {
         }
     }
 
-    fn work(&mut self, turn: Turn) {
+    fn work(&mut self, turn: &Turn) {
         let slice = if self.software { SLICE_SOFTWARE } else { SLICE };
         match turn {
-            Turn::Viewer(id, need, sharers) => {
+            &Turn::Viewer(id, need, sharers) => {
                 let Some(watched) = self.viewers.get_mut(&id) else { return };
-                // Time spent idle is no credit.
-                watched.used = watched.used.max(self.clock.saturating_sub(BACKGROUND_PATIENCE));
-                let result = watched.advance(&mut self.renderer, need, slice, sharers);
-                self.clock = watched.used;
+                let allotted = watched.allotment(need, slice, sharers);
+                let began = Instant::now();
+                let result = watched.advance(&mut self.renderer, need, allotted);
+                self.turns.charge(&mut watched.account, allotted, began.elapsed());
                 match result {
                     Ok(()) => self.keep_within_memory(Some(id)),
                     Err(RenderError::DeviceLost(reason)) => self.reopen(&reason),
@@ -176,7 +215,18 @@ impl Worker {
                 }
             }
             Turn::Still => {
-                self.advance_still(slice);
+                if let Some(active) = self.still.take() {
+                    self.still = self.advance_still(active, slice).continue_value();
+                }
+                self.keep_within_memory(None);
+            }
+            Turn::Export => {
+                if let Some(active) = self.export.take() {
+                    match self.advance_still(active, slice) {
+                        ControlFlow::Break(view) => self.export_view = view,
+                        ControlFlow::Continue(active) => self.export = Some(active),
+                    }
+                }
                 self.keep_within_memory(None);
             }
         }
@@ -185,8 +235,9 @@ impl Worker {
     /// Drops what views keep, those first that cannot be seen and were not worked on for longest, as
     /// long as more of the GPU's memory is in use than may be. The view at work keeps its own.
     fn keep_within_memory(&mut self, at_work: Option<ViewerId>) {
-        let still = self.still.as_ref().map_or(0, |still| still.view.total_bytes());
-        let of_views = |worker: &Self| worker.viewers.values().map(Watched::gpu_bytes).sum::<u64>() + still;
+        let stills = self.still.iter().chain(&self.export).map(|still| still.view.total_bytes()).sum::<u64>();
+        let others = stills + self.export_view.total_bytes();
+        let of_views = |worker: &Self| worker.viewers.values().map(Watched::gpu_bytes).sum::<u64>() + others;
         self.renderer.volumes().charge_others(of_views(self));
         while self.renderer.volumes().excess_bytes() > 0 && self.drop_one(at_work) {
             self.renderer.volumes().charge_others(of_views(self));
@@ -201,16 +252,18 @@ impl Worker {
         least.map(|(_, view)| view.drop_pictures()).is_some()
     }
 
-    fn advance_still(&mut self, slice: Duration) {
-        let Some(mut active) = self.still.take() else { return };
+    /// Works on a still for a slice: it goes on, or ended and leaves what its drawing held.
+    fn advance_still(&mut self, mut active: ActiveStill, slice: Duration) -> ControlFlow<View, ActiveStill> {
         let began = Instant::now();
         match self.draw_still(&mut active, slice) {
             Ok(None) => {
-                active.used += began.elapsed();
-                self.clock = active.used;
-                self.still = Some(active);
+                self.turns.charge(&mut active.account, slice, began.elapsed());
+                ControlFlow::Continue(active)
             }
-            Ok(Some(still)) => drop(active.job.reply.send(Ok(still))),
+            Ok(Some(still)) => {
+                drop(active.job.reply.send(Ok(still)));
+                ControlFlow::Break(active.view)
+            }
             Err(error) => {
                 let lost = matches!(error, RenderError::DeviceLost(_));
                 let reason = error.to_string();
@@ -218,6 +271,7 @@ impl Worker {
                 if lost {
                     self.reopen(&reason);
                 }
+                ControlFlow::Break(View::new())
             }
         }
     }
@@ -243,7 +297,7 @@ impl Worker {
     fn reopen(&mut self, reason: &str) {
         tracing::error!(reason, "the GPU was lost; opening it again");
         let lost = RenderError::DeviceLost(reason.to_owned());
-        self.still = None;
+        (self.still, self.export, self.export_view) = (None, None, View::new());
         for watched in self.viewers.values_mut() {
             watched.fail(&lost);
         }

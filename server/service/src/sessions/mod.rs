@@ -4,7 +4,7 @@
 //! applied whole or not at all. Everything here computes for a moment under the session's lock and
 //! is called where blocking is allowed, never on the async threads.
 
-mod edits;
+pub(crate) mod edits;
 mod registry;
 pub mod routes;
 pub mod stills;
@@ -182,6 +182,12 @@ impl Session {
     /// The newest scene file.
     pub fn scene_file(&self) -> SceneFile {
         self.state.lock().file.clone()
+    }
+
+    /// The camera of the newest scene file.
+    pub fn camera(&self) -> Camera {
+        let state = self.state.lock();
+        filled_camera(&state.file, &state.scene)
     }
 
     /// Told of every new epoch.

@@ -199,21 +199,22 @@ impl Sessions {
         self.by_id.lock().values().cloned().collect()
     }
 
-    /// What REST tells about every session, in memory and on disk, oldest first. Reads files.
+    /// What REST tells everybody about every session, in memory and on disk, oldest first: as to those
+    /// who watch, without the identifiers for editing. Reads files.
     pub fn list(&self) -> Vec<rest::Session> {
         let open = self.in_memory();
-        let mut sessions: Vec<_> = open.iter().map(|session| session.describe(Role::Editor)).collect();
+        let mut sessions: Vec<_> = open.iter().map(|session| session.describe(Role::Watcher)).collect();
         let known: HashSet<&String> = open.iter().map(|session| &session.id).collect();
         for id in self.store.ids().into_iter().filter(|id| !known.contains(id)) {
             if let Some(stored) = self.store.read(&id) {
                 sessions.push(rest::Session {
-                    watch: Some(watch_id(&id)),
-                    id,
+                    id: watch_id(&id),
                     epoch: stored.epoch,
                     viewers: 0,
                     created_unix_millis: stored.created_unix_millis,
                     used_unix_millis: stored.used_unix_millis,
-                    role: Role::Editor,
+                    role: Role::Watcher,
+                    watch: None,
                     scene: stored.scene,
                     shown: None,
                 });

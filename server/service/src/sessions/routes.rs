@@ -36,7 +36,8 @@ pub async fn status(State(app): State<Arc<App>>) -> Answer<JsonAnswer<Status>> {
     }))
 }
 
-/// Lists sessions, in memory and on disk, oldest first.
+/// Lists sessions, in memory and on disk, oldest first, each by the identifier for watching it: who may
+/// edit one knows its own.
 #[utoipa::path(get, path = "/sessions", tag = "sessions", responses((status = OK, body = Vec<SessionDocument>)))]
 pub async fn list(State(app): State<Arc<App>>) -> Answer<JsonAnswer<Vec<SessionDocument>>> {
     crate::blocking("listing sessions", move || JsonAnswer(app.sessions().list())).await
@@ -215,12 +216,12 @@ async fn described(access: Access) -> Answer<JsonAnswer<SessionDocument>> {
 }
 
 /// A session to look at.
-pub(super) async fn find(app: &Arc<App>, id: &str) -> Answer<Arc<Session>> {
+pub(crate) async fn find(app: &Arc<App>, id: &str) -> Answer<Arc<Session>> {
     Ok(app.sessions().find(app, id).await?.session)
 }
 
 /// Refuses the size of a picture that has no pixels or an edge beyond `most`.
-pub(super) fn check_edges(width: u32, height: u32, most: u32) -> Result<(), FieldError> {
+pub(crate) fn check_edges(width: u32, height: u32, most: u32) -> Result<(), FieldError> {
     for (field, edge) in [("width", width), ("height", height)] {
         if !(1..=most).contains(&edge) {
             return Err(FieldError::new(field, format!("must be from 1 to {most} pixels, got {edge}")));

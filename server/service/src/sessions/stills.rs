@@ -6,6 +6,7 @@ use std::time::Duration;
 use axum::extract::{Path, Query, State};
 use axum::http::{HeaderValue, header};
 use axum::response::{IntoResponse, Response};
+use proto::FieldError;
 use proto::rest::{PreviewRequest, Problem};
 use proto::scene_file::limits::MAX_IMAGE_EDGE;
 use scene::plan::Target;
@@ -23,6 +24,9 @@ const MAX_STILL_PIXELS: u64 = 8 << 20;
 const MAX_PREVIEW_EDGE: u32 = 512;
 /// Most samples per pixel of a preview.
 const PREVIEW_SAMPLES: u32 = 4;
+
+/// Header of a still: the epoch of the scene it shows.
+const EPOCH_HEADER: &str = "tyndall-epoch";
 
 /// Formats of a still.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, utoipa::ToSchema)]
@@ -50,15 +54,19 @@ pub struct StillQuery {
     width: Option<u32>,
     /// Pixels, default the scene's `image.height`.
     height: Option<u32>,
+    /// Epoch the scene must be at; 409 if it was edited since.
+    epoch: Option<u32>,
 }
 
-/// Draws the scene from the session's camera, to the scene's `sampling.samples_per_pixel`.
+/// Draws the scene from the session's camera, to the scene's `sampling.samples_per_pixel`. The header
+/// `tyndall-epoch` says which epoch of the scene it shows.
 #[utoipa::path(
     get, path = "/sessions/{id}/snapshot", tag = "sessions", params(("id" = String, Path), StillQuery),
     responses(
         (status = OK, description = "The picture", content(
             (Vec<u8> = "image/png"), (Vec<u8> = "image/x-exr"), (Vec<u8> = "application/x-npy")
         )),
+        (status = CONFLICT, body = Problem, content_type = "application/problem+json", description = "The scene is at another epoch than the one asked for"),
         (status = UNPROCESSABLE_ENTITY, body = Problem, content_type = "application/problem+json"),
         (status = SERVICE_UNAVAILABLE, body = Problem, content_type = "application/problem+json", description = "Too many stills are waiting"),
         (status = GATEWAY_TIMEOUT, body = Problem, content_type = "application/problem+json", description = "Drawing took too long"),
@@ -72,22 +80,34 @@ pub async fn snapshot(
     let session = find(&app, &id).await?;
     let (file, snapshot) =
         crate::blocking("reading a session", move || (session.scene_file(), session.snapshot())).await?;
+    let epoch = snapshot.epoch;
+    if let Some(wanted) = query.epoch.filter(|&wanted| wanted != epoch) {
+        return Err(Fault::conflict(format!(
+            "The scene is at epoch {epoch}, not {wanted}: it was edited meanwhile; ask for the newest."
+        )));
+    }
     let target = Target {
         width: query.width.unwrap_or(file.image.width),
         height: query.height.unwrap_or(file.image.height),
         samples_per_pixel: snapshot.scene.samples_at_rest(),
     };
     check_edges(target.width, target.height, MAX_IMAGE_EDGE)?;
-    let pixels = u64::from(target.width) * u64::from(target.height);
-    if pixels > MAX_STILL_PIXELS {
-        return Err(Fault::invalid(
-            "width",
-            format!("and `height` ask for {pixels} pixels, at most {MAX_STILL_PIXELS} are drawn"),
-        ));
-    }
+    check_pixels(target.width, target.height)?;
     let radiance = query.format != StillFormat::Png;
     let still = app.renderer().still(snapshot, target, radiance, patience(&app)).await?;
-    answered(still, query.format).await
+    let mut response = answered(still, query.format).await?;
+    response.headers_mut().insert(EPOCH_HEADER, HeaderValue::from(epoch));
+    Ok(response)
+}
+
+/// Refuses a picture of more pixels than are drawn.
+pub(crate) fn check_pixels(width: u32, height: u32) -> Result<(), FieldError> {
+    let pixels = u64::from(width) * u64::from(height);
+    if pixels > MAX_STILL_PIXELS {
+        let message = format!("and `height` ask for {pixels} pixels, at most {MAX_STILL_PIXELS} are drawn");
+        return Err(FieldError::new("width", message));
+    }
+    Ok(())
 }
 
 /// Draws the scene as a patch would make it, small and quickly, from the session's camera or from

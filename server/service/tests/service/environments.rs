@@ -29,6 +29,11 @@ async fn snapshot(service: &Service, scene: Value) -> image::RgbImage {
 async fn samples_light_scenes_and_have_previews() {
     let service = Service::new();
     let listed = service.get("/environments").await.ok().json();
+    for environment in listed.as_array().unwrap() {
+        let mean = environment["mean_radiance"].as_array().unwrap();
+        let mean = mean.iter().map(|channel| channel.as_f64().unwrap()).sum::<f64>() / 3.0;
+        assert!((0.45..0.65).contains(&mean), "{environment}");
+    }
     let ids: Vec<&str> = listed.as_array().unwrap().iter().map(|e| e["id"].as_str().unwrap()).collect();
     assert_eq!(ids, ["studio", "clear-sky", "overcast"]);
     let mut pictures = Vec::new();
@@ -54,6 +59,8 @@ async fn an_uploaded_environment_shines_as_its_texels_say() {
     let stored = answer.json();
     assert_eq!((stored["name"].as_str(), stored["width"].as_u64()), (Some("room.hdr"), Some(16)));
     assert_eq!(service.put("/environments/again.hdr", bytes).await.status, 200);
+    // 128 / 256 of two to the exponent, and so on.
+    assert_eq!(stored["mean_radiance"], json!([1.0, 0.5, 0.25]));
     let id = stored["id"].as_str().unwrap();
     // One colour everywhere is a uniform environment of that radiance.
     let by_image = snapshot(&service, lit_by(id)).await;
@@ -105,6 +112,13 @@ async fn what_is_no_environment_is_refused_in_words() {
     local["illumination"] = json!({"method": "local"});
     let refused = service.json(Method::POST, "/sessions", json!({ "scene": local })).await.problem(422);
     assert!(refused.detail.contains("environment images"), "{}", refused.detail);
+    // The field is the light's place in the scene, whatever it is called and whichever others are off.
+    local["lights"] = json!([
+        {"id": "off", "type": "point", "position": [0, 2, 0], "intensity": [1, 1, 1], "enabled": false},
+        {"id": "dome", "type": "environment", "image": "studio"}
+    ]);
+    let refused = service.json(Method::POST, "/sessions", json!({ "scene": local })).await.problem(422);
+    assert_eq!(refused.field.as_deref(), Some("scene.lights[1].image"));
     // What shows data and not light does not mind; an isosurface is lit as `local` lights.
     for (rendering, status) in
         [(json!({"mode": "maximum"}), 201), (json!({"mode": "isosurface", "isovalue": 0.5}), 422)]

@@ -7,6 +7,7 @@
 mod datasets;
 mod endurance;
 mod environments;
+mod exports;
 mod links;
 mod operations;
 mod parts;

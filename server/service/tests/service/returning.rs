@@ -193,7 +193,8 @@ async fn sessions_come_back_after_a_restart() {
     let service = service.restarted().await;
     let listed = service.get("/sessions").await.ok().json();
     assert_eq!(listed.as_array().unwrap().len(), 1, "what was deleted stays deleted: {listed}");
-    assert_eq!(listed[0]["id"], json!(session.id));
+    assert_eq!(listed[0]["id"], json!(session.watch), "as to those who watch");
+    assert!(!listed.to_string().contains(&session.id));
     assert_eq!(listed[0]["scene"], edited["scene"]);
     let listening = service.listen().await;
     let mut viewer = greet(&listening, session.watch.as_ref().unwrap(), None).await.viewer;

@@ -16,7 +16,12 @@ async fn a_session_lives_from_post_to_delete() {
     assert_eq!(session.id.len(), 32);
     let path = format!("/sessions/{}", session.id);
     assert_eq!(service.get(&path).await.ok().json()["scene"], serde_json::to_value(&session.scene).unwrap());
-    assert_eq!(service.get("/sessions").await.ok().json().as_array().unwrap().len(), 1);
+    let listed = service.get("/sessions").await.ok();
+    assert!(!String::from_utf8_lossy(&listed.body).contains(&session.id), "a list lets nobody edit");
+    let listed = listed.json();
+    assert_eq!(listed.as_array().unwrap().len(), 1);
+    assert_eq!((&listed[0]["id"], &listed[0]["role"]), (&json!(session.watch), &json!("watcher")));
+    service.delete(&format!("/sessions/{}", session.watch.as_ref().unwrap())).await.problem(403);
     assert_eq!(service.get("/status").await.ok().json()["sessions"], 1);
     assert_eq!(service.delete(&path).await.status, StatusCode::NO_CONTENT);
     for answer in [
