@@ -30,6 +30,11 @@ impl Light {
         self.lock().bytes()
     }
 
+    /// Whether both are the same light.
+    pub fn is_same(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
+
     /// Forgets everything.
     pub fn clear(&self) {
         *self.lock() = Illumination::default();

@@ -156,9 +156,14 @@ impl View {
         self.buffers.as_ref().map_or(0, |buffers| buffers.capacity * (FILM_PIXEL_BYTES + PICTURE_PIXEL_BYTES))
     }
 
-    /// Bytes of all it keeps for itself; the volume is shared and counted once for all.
+    /// Bytes of all it keeps for itself; the volume is shared and counted once for all, and so is light.
     pub fn total_bytes(&self) -> u64 {
-        self.bytes() + self.segment_bytes() + self.path_bytes() + self.light.bytes()
+        self.bytes() + self.segment_bytes() + self.path_bytes()
+    }
+
+    /// Its light.
+    pub fn light(&self) -> &Light {
+        &self.light
     }
 
     /// Bytes of view-ray segments.

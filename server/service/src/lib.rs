@@ -13,6 +13,9 @@
 //! work runs on blocking threads ([`blocking`]) or the render thread; every queue, body and cache
 //! has a named bound, most of them in [`config::Limits`].
 
+// A session holds GPU buffers, whose types are deep.
+#![recursion_limit = "256"]
+
 mod app;
 pub mod config;
 pub mod datasets;

@@ -23,6 +23,8 @@ pub(super) struct Drawing {
     pub spent: Duration,
     /// The part of `spent` that grows with the pixels; loading and compiling are not counted.
     pub casting: Duration,
+    /// Share of the light that is the snapshot's, 0..1.
+    pub illumination: f32,
     /// What was done since the last frame.
     pub report: Option<FrameReport>,
 }
@@ -61,7 +63,7 @@ pub(super) fn header(
         seq: drawing.seq,
         snapshot_epoch: epoch,
         illumination_epoch: epoch,
-        illumination_completeness: 1.0,
+        illumination_completeness: drawing.illumination,
         samples_per_pixel,
         error_estimate: error.map_or(f32::NAN, |error| error as f32),
         width: edge(picture.width),

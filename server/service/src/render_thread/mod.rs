@@ -20,7 +20,7 @@ use parking_lot::{Condvar, Mutex};
 use proto::frame::FrameHeader;
 use proto::plan::FrameReport;
 use proto::rest::DeviceInfo;
-use render::{Gpu, Picture, Preparer, Radiance, RenderError, Renderer, VolumeCache};
+use render::{Gpu, Light, Picture, Preparer, Radiance, RenderError, Renderer, VolumeCache};
 use scene::plan::Target;
 use scene::{Scene, Snapshot};
 use tokio::sync::{mpsc, oneshot};
@@ -43,6 +43,8 @@ pub struct ViewerId(u64);
 pub struct ViewerInput {
     /// What to show, with this viewer's camera.
     pub snapshot: Arc<Snapshot>,
+    /// The light of its session: viewers of one session share what does not depend on the camera.
+    pub light: Light,
     /// Device pixels; nothing is drawn before the viewer has said.
     pub viewport: Option<(u32, u32)>,
     /// A hidden viewer gets no frames.
@@ -193,12 +195,18 @@ impl RenderThread {
 
     /// Adds a viewer; its frames come through `outputs`, which should hold
     /// [`MAX_WAITING_OUTPUTS`].
-    pub fn add_viewer(&self, snapshot: Arc<Snapshot>, outputs: mpsc::Sender<Output>) -> ViewerId {
+    pub fn add_viewer(
+        &self,
+        snapshot: Arc<Snapshot>,
+        light: Light,
+        outputs: mpsc::Sender<Output>,
+    ) -> ViewerId {
         let mut inbox = self.shared.inbox.lock();
         let id = ViewerId(inbox.next_viewer);
         inbox.next_viewer += 1;
         let input = ViewerInput {
             snapshot,
+            light,
             viewport: None,
             visible: true,
             seq: 0,

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use proto::plan::FrameReport;
-use render::{DrawRequest, Drawn, Picture, RenderError, Renderer, View};
+use render::{DrawRequest, Drawn, Light, Picture, RenderError, Renderer, View};
 use scene::Snapshot;
 use scene::plan::{Caches, FilmPlan, FilmState, Plan, SegmentsPlan, Target};
 use tokio::sync::mpsc::error::TrySendError;
@@ -102,7 +102,7 @@ pub(super) enum Need {
 impl Watched {
     pub(super) fn new(input: ViewerInput, software: bool, account: Account) -> Self {
         Self {
-            view: View::new(),
+            view: View::in_light(&input.light),
             pace: Pace::new(software),
             moving_time: if software { MOVING_TIME_SOFTWARE } else { MOVING_TIME },
             changed: input.arrived,
@@ -243,11 +243,14 @@ impl Watched {
             error: drawn.estimate.map(|estimate| estimate.relative_error),
         });
         drawing.spent += began.elapsed();
+        drawing.illumination = drawn.illumination;
+        // While light is on its way pictures are shown in what there is of it.
+        let is_whole = drawn.complete || drawn.illumination < 1.0 && drawn.samples_per_pixel > 0;
         let result = match drawing.kind {
-            Kind::Moving(quality) if drawn.complete => {
+            Kind::Moving(quality) if is_whole => {
                 self.finish_reduced(renderer, Encoding::Moving(quality), began)
             }
-            Kind::Preview if drawn.complete => self.finish_reduced(renderer, Encoding::Refining, began),
+            Kind::Preview if is_whole => self.finish_reduced(renderer, Encoding::Refining, began),
             Kind::Preview => Ok(()),
             Kind::Moving(_) => {
                 self.give_up_if_too_slow(time, drawn.pass_share);
@@ -264,6 +267,11 @@ impl Watched {
         self.view.total_bytes()
     }
 
+    /// Light computed ahead, which other viewers may share.
+    pub(super) fn light(&self) -> &Light {
+        self.view.light()
+    }
+
     /// What is dropped first is smallest: what nobody sees, then what was not worked on for longest.
     pub(super) fn keep_order(&self) -> (bool, Instant) {
         (self.input.visible, self.worked)
@@ -271,7 +279,7 @@ impl Watched {
 
     /// Drops what it keeps on the GPU; what is shown stays shown, and is drawn anew when it changes.
     pub(super) fn drop_pictures(&mut self) {
-        self.view = View::new();
+        self.view = View::in_light(&self.input.light);
         self.film = None;
         self.drawing = None;
     }
@@ -315,6 +323,7 @@ impl Watched {
             began: Instant::now(),
             spent: Duration::ZERO,
             casting: Duration::ZERO,
+            illumination: 1.0,
             report: None,
         })
     }
@@ -443,6 +452,7 @@ impl Watched {
     /// The device was replaced: everything it held is gone.
     pub(super) fn forget(&mut self) {
         self.drop_pictures();
+        self.light().clear();
         self.shown = None;
         self.failed = None;
     }

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use render::{AdapterPolicy, DrawRequest, Gpu, RenderError, Renderer, View};
+use render::{AdapterPolicy, DrawRequest, Gpu, Light, RenderError, Renderer, View};
 
 use super::turns::{Account, Patience, Turns};
 use super::watched::{Need, Watched};
@@ -237,19 +237,42 @@ impl Worker {
     fn keep_within_memory(&mut self, at_work: Option<ViewerId>) {
         let stills = self.still.iter().chain(&self.export).map(|still| still.view.total_bytes()).sum::<u64>();
         let others = stills + self.export_view.total_bytes();
-        let of_views = |worker: &Self| worker.viewers.values().map(Watched::gpu_bytes).sum::<u64>() + others;
+        let of_views = |worker: &Self| {
+            let of_pictures = worker.viewers.values().map(Watched::gpu_bytes).sum::<u64>();
+            of_pictures + worker.light_bytes() + others
+        };
         self.renderer.volumes().charge_others(of_views(self));
         while self.renderer.volumes().excess_bytes() > 0 && self.drop_one(at_work) {
             self.renderer.volumes().charge_others(of_views(self));
         }
     }
 
-    /// Drops what one view keeps that is not at work; false if none keeps anything.
+    /// Light computed ahead, that of each session once.
+    fn light_bytes(&self) -> u64 {
+        let mut counted: Vec<&Light> = Vec::new();
+        for light in self.viewers.values().map(Watched::light) {
+            if !counted.iter().any(|other| other.is_same(light)) {
+                counted.push(light);
+            }
+        }
+        counted.iter().map(|light| light.bytes()).sum()
+    }
+
+    /// Drops what one view keeps that is not at work, its light too unless the one at work shares it;
+    /// false if none keeps anything.
     fn drop_one(&mut self, at_work: Option<ViewerId>) -> bool {
-        let others =
-            self.viewers.iter_mut().filter(|(id, view)| Some(**id) != at_work && view.gpu_bytes() > 0);
-        let least = others.min_by_key(|(_, view)| view.keep_order());
-        least.map(|(_, view)| view.drop_pictures()).is_some()
+        let kept = at_work.and_then(|id| self.viewers.get(&id)).map(|view| view.light().clone());
+        let may_go = |light: &Light| kept.as_ref().is_none_or(|kept| !kept.is_same(light));
+        let others = self.viewers.iter_mut().filter(|(id, view)| {
+            let light = view.light();
+            Some(**id) != at_work && (view.gpu_bytes() > 0 || may_go(light) && light.bytes() > 0)
+        });
+        let Some((_, least)) = others.min_by_key(|(_, view)| view.keep_order()) else { return false };
+        if may_go(least.light()) {
+            least.light().clear();
+        }
+        least.drop_pictures();
+        true
     }
 
     /// Works on a still for a slice: it goes on, or ended and leaves what its drawing held.

@@ -20,6 +20,7 @@ use parking_lot::Mutex;
 use proto::control::{Role, ServerMessage};
 use proto::scene_file::{Camera, SceneFile};
 use proto::{FieldError, rest};
+use render::Light;
 use scene::{Scene, Snapshot};
 use serde_json::Value;
 use tokio::sync::watch;
@@ -59,6 +60,8 @@ struct State {
     /// The scene's volume.
     loaded: Arc<Loaded>,
     scene: Scene,
+    /// Light computed ahead, for all viewers.
+    light: Light,
     epoch: u32,
     viewers: BTreeMap<u32, Viewer>,
     next_viewer: u32,
@@ -368,6 +371,7 @@ impl Session {
             loaded,
             scene,
             epoch,
+            light: Light::default(),
             viewers: BTreeMap::new(),
             next_viewer: 1,
             idle_since: Instant::now(),

@@ -166,7 +166,7 @@ impl State {
         self.next_viewer += 1;
         let snapshot = Arc::new(Snapshot { epoch: self.epoch, scene: self.scene.clone() });
         let viewer = Viewer {
-            render: app.renderer().add_viewer(snapshot, outputs),
+            render: app.renderer().add_viewer(snapshot, self.light.clone(), outputs),
             role,
             camera: filled_camera(&self.file, &self.scene),
             camera_seq: 0,
