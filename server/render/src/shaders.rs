@@ -53,6 +53,24 @@ pub const MIX_LIGHTS: &str = parts!("path_traced/mix_lights.wgsl");
 /// `error`.
 pub const ERROR: &str = parts!("path_traced/error.wgsl");
 
+/// `light_coefficients`: matter in the cells of the light grid.
+pub const LIGHT_COEFFICIENTS: &str = parts!(
+    "shared/frame.wgsl",
+    "shared/medium.wgsl",
+    "convection_diffusion/grid.wgsl",
+    "convection_diffusion/coefficients.wgsl",
+);
+
+/// `march_lines`: optical depth along characteristics.
+pub const MARCH_LINES: &str = parts!(
+    "convection_diffusion/steering.wgsl",
+    "convection_diffusion/sweep.wgsl",
+    "convection_diffusion/march.wgsl",
+);
+
+/// `gather_lines`: from characteristics to cells.
+pub const GATHER_LINES: &str = parts!("convection_diffusion/sweep.wgsl", "convection_diffusion/gather.wgsl");
+
 /// `tone_map`.
 pub const TONE_MAP: &str = parts!("film/tone_map.wgsl");
 
@@ -63,5 +81,8 @@ pub const ALL: &[(&str, &str)] = &[
     ("restart_tiles", RESTART_TILES),
     ("mix_lights", MIX_LIGHTS),
     ("error", ERROR),
+    ("light_coefficients", LIGHT_COEFFICIENTS),
+    ("march_lines", MARCH_LINES),
+    ("gather_lines", GATHER_LINES),
     ("tone_map", TONE_MAP),
 ];

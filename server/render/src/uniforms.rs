@@ -171,6 +171,44 @@ pub struct Restart {
     pub bins: [u32; 2],
 }
 
+/// `LightGrid` of shaders/convection_diffusion/grid.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct LightGrid {
+    pub cells: [u32; 3],
+    pub first: u32,
+    pub cell_size: [f32; 3],
+    pub count: u32,
+    pub points: [u32; 3],
+    pub row: u32,
+    pub clip_shadows: u32,
+    pub pad0: u32,
+    pub pad1: u32,
+    pub pad2: u32,
+}
+
+/// `Sweep` of shaders/convection_diffusion/sweep.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct Sweep {
+    pub cells: [u32; 3],
+    pub axis: u32,
+    pub cell_size: [f32; 3],
+    pub forward: u32,
+    pub origin: [f32; 3],
+    pub from_place: u32,
+    pub base: [f32; 2],
+    pub spacing: [f32; 2],
+    pub slope: [f32; 2],
+    pub lines: [u32; 2],
+    pub first_plane: u32,
+    pub plane_count: u32,
+    pub start_plane: u32,
+    pub slot: u32,
+}
+
 /// `ToneMap` of shaders/film/tone_map.wgsl.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
@@ -302,6 +340,29 @@ pub fn layouts() -> Vec<Layout> {
             }
         ),
         layout!("Mix", Mix { first_pixel, pixel_count, term_count, pad0, powers }),
+        layout!(
+            "LightGrid",
+            LightGrid { cells, first, cell_size, count, points, row, clip_shadows, pad0, pad1, pad2 }
+        ),
+        layout!(
+            "Sweep",
+            Sweep {
+                cells,
+                axis,
+                cell_size,
+                forward,
+                origin,
+                from_place,
+                base,
+                spacing,
+                slope,
+                lines,
+                first_plane,
+                plane_count,
+                start_plane,
+                slot,
+            }
+        ),
         layout!("Restart", Restart { image, bins }),
         layout!("ToneMap", ToneMap { exposure, operator_id, pixel_count, pad0 }),
     ]

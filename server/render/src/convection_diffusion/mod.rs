@@ -1,0 +1,8 @@
+//! Method `convection_diffusion`: light carried from each source over a grid, then spread by
+//! diffusion (shaders/convection_diffusion/README.md).
+
+mod sweep;
+#[cfg(test)]
+#[allow(clippy::unwrap_used, clippy::expect_used)]
+mod tests;
+mod transport;
