@@ -789,6 +789,31 @@ pub struct Illumination {
     /// `path_traced`: what each light brings is kept apart, so that colours, strengths and switches
     /// of lights change the picture without a new path. At most 8 lights.
     pub light_layers: bool,
+    /// `convection_diffusion`: cells of the light grid along each axis for a voxel, 0.01..2.
+    pub light_grid: f64,
+    /// `convection_diffusion`: bands of spherical harmonics that tell from where light comes, 1..6; 1
+    /// is enough for isotropic matter without surfaces.
+    pub light_bands: u32,
+    /// `convection_diffusion`: what becomes of light that is scattered.
+    pub diffusion: Diffusion,
+    /// `convection_diffusion`, heat flow: how far light spreads in vacuum, world units, 0..1.
+    pub heat_spread: f64,
+    /// `convection_diffusion`: norm of the residual, as a share of that of the source, at which diffusion
+    /// is solved, 10^-5..0.5.
+    pub max_residual: f64,
+}
+
+/// What becomes of light that is scattered, in method `convection_diffusion`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize, TS, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Diffusion {
+    /// It follows the P1 approximation of light transport: right in thick matter that absorbs little.
+    #[default]
+    P1,
+    /// It spreads like heat for a while: soft light without a physical unit.
+    Heat,
+    /// It is lost: single scattering.
+    None,
 }
 
 impl Default for Illumination {
@@ -799,6 +824,11 @@ impl Default for Illumination {
             max_error: 0.0,
             longest_path: 100_000,
             light_layers: false,
+            light_grid: 0.5,
+            light_bands: 3,
+            diffusion: Diffusion::default(),
+            heat_spread: 0.05,
+            max_residual: 1e-3,
         }
     }
 }

@@ -35,6 +35,10 @@ pub(crate) fn scene(scene: &SceneFile) -> Checked {
     within("illumination.paths_per_pixel", f64::from(paths), 1.0, f64::from(MAX_PATHS_PER_PIXEL))?;
     within("illumination.max_error", illumination.max_error, 0.0, 1.0)?;
     within("illumination.longest_path", f64::from(longest), 1.0, f64::from(MAX_PATH_LENGTH))?;
+    within("illumination.light_grid", illumination.light_grid, 0.01, 2.0)?;
+    within("illumination.light_bands", f64::from(illumination.light_bands), 1.0, 6.0)?;
+    within("illumination.heat_spread", illumination.heat_spread, 0.0, 1.0)?;
+    within("illumination.max_residual", illumination.max_residual, 1e-5, 0.5)?;
     let sampling = &scene.sampling;
     within("sampling.step_voxels", sampling.step_voxels, 1.0 / 16.0, 8.0)?;
     within("sampling.samples_per_pixel", f64::from(sampling.samples_per_pixel), 1.0, 4096.0)?;

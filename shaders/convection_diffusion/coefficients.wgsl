@@ -41,7 +41,7 @@ fn light_coefficients(@builtin(workgroup_id) group: vec3u, @builtin(local_invoca
                 extinction += sigma_t;
                 absorption += sigma_t * (1.0 - scattered);
                 scattering += sigma_t * scattered;
-                forward += sigma_t * (1.0 - material.surface) * dot(albedo, vec3f(1.0)) * mean_cosine(material);
+                forward += sigma_t * (1.0 - material.surface) * dot(albedo, vec3f(1.0)) * material.bands[0].y;
             }
         }
     }
@@ -61,17 +61,4 @@ fn in_the_way(uvw: vec3f) -> f32 {
         kept = kept && dot(frame.planes[i].xyz, x) >= frame.planes[i].w;
     }
     return select(0.0, 1.0, kept || grid.clip_shadows == 1u);
-}
-
-// Mean cosine between the directions of travel before and after scattering.
-fn mean_cosine(material: Material) -> f32 {
-    let k = material.asymmetry;
-    if material.phase == 1u { return k; }
-    if material.phase == 2u {
-        // Schlick: 1/k - (1 - k^2) / (2 k^2) ln((1 + k) / (1 - k)); its series where that cancels.
-        if abs(k) < 0.1 { return k * (2.0 / 3.0 + k * k * (2.0 / 15.0)); }
-        if abs(k) > 0.9999 { return k; }
-        return 1.0 / k - (1.0 - k * k) / (2.0 * k * k) * log((1.0 + k) / (1.0 - k));
-    }
-    return 0.0;
 }

@@ -9,6 +9,7 @@ use proto::scene_file::Method;
 use scene::Snapshot;
 use scene::plan::LightState;
 
+use crate::convection_diffusion::{self, ConvectionDiffusion};
 use crate::error::RenderError;
 use crate::gpu::Gpu;
 use crate::light_field::LightField;
@@ -47,6 +48,7 @@ pub(crate) struct Inputs<'a> {
     pub majorants: Option<&'a wgpu::TextureView>,
     /// Where there is an environment image.
     pub environment: Option<&'a EnvironmentTables>,
+    pub convection_diffusion: &'a convection_diffusion::Pipelines,
 }
 
 /// How far a method has got.
@@ -65,6 +67,7 @@ enum Lit {
     /// A field from elsewhere, for tests.
     #[cfg_attr(not(test), allow(dead_code))]
     Given(LightField),
+    ConvectionDiffusion(Box<ConvectionDiffusion>),
 }
 
 /// The light of a session, and what it is the light of.
@@ -153,8 +156,12 @@ impl Illumination {
 
 impl Lit {
     fn new(inputs: &Inputs<'_>) -> Result<Self, RenderError> {
-        let method = inputs.snapshot.scene.method;
-        Err(RenderError::Gpu(format!("`{}` is not built", method.name())))
+        match inputs.snapshot.scene.method {
+            Method::ConvectionDiffusion => {
+                Ok(Lit::ConvectionDiffusion(Box::new(ConvectionDiffusion::new(inputs)?)))
+            }
+            method => Err(RenderError::Gpu(format!("`{}` is not built", method.name()))),
+        }
     }
 
     fn advance(
@@ -163,19 +170,23 @@ impl Lit {
         deadline: Option<Instant>,
         counters: &mut BTreeMap<String, u64>,
     ) -> Result<Progress, RenderError> {
-        let _ = (inputs, deadline, &counters);
         match self {
             Lit::Given(_) => Ok(Progress { complete: true, completeness: 1.0, changed: true }),
+            Lit::ConvectionDiffusion(light) => light.advance(inputs, deadline, counters),
         }
     }
 
     fn field(&self) -> Option<&LightField> {
         match self {
             Lit::Given(field) => Some(field),
+            Lit::ConvectionDiffusion(light) => light.field(),
         }
     }
 
     fn bytes(&self) -> u64 {
-        self.field().map_or(0, LightField::bytes)
+        match self {
+            Lit::Given(field) => field.bytes(),
+            Lit::ConvectionDiffusion(light) => light.bytes(),
+        }
     }
 }

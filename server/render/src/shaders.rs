@@ -75,6 +75,45 @@ pub const MARCH_LINES: &str = parts!(
 /// `gather_lines`: from characteristics to cells.
 pub const GATHER_LINES: &str = parts!("convection_diffusion/sweep.wgsl", "convection_diffusion/gather.wgsl");
 
+/// Passes of the diffusion solver: `smooth_level`, `restrict_residual`, `prolong_correction`,
+/// `coarsen_level` and those of the conjugate gradients.
+pub const DIFFUSE: &str = parts!(
+    "convection_diffusion/level.wgsl",
+    "convection_diffusion/smooth.wgsl",
+    "convection_diffusion/restrict.wgsl",
+    "convection_diffusion/prolong.wgsl",
+    "convection_diffusion/coarsen.wgsl",
+    "convection_diffusion/conjugate.wgsl",
+);
+
+/// `p1_matter`.
+pub const P1_MATTER: &str = parts!("convection_diffusion/grid.wgsl", "convection_diffusion/p1.wgsl");
+
+macro_rules! with_direct_light {
+    ($($path:literal),+ $(,)?) => {
+        parts!(
+            "shared/features.wgsl",
+            "shared/frame.wgsl",
+            "shared/medium.wgsl",
+            "shared/phase.wgsl",
+            "shared/light.wgsl",
+            "convection_diffusion/grid.wgsl",
+            "convection_diffusion/direct.wgsl",
+            $($path),+
+        )
+    };
+}
+
+/// `p1_source`.
+pub const P1_SOURCE: &str = with_direct_light!("convection_diffusion/source.wgsl");
+
+/// `heat_matter`.
+pub const HEAT_MATTER: &str = with_direct_light!("convection_diffusion/heat.wgsl");
+
+/// `compose_field`.
+pub const COMPOSE_FIELD: &str =
+    with_direct_light!("shared/sh.wgsl", "convection_diffusion/compose.wgsl");
+
 /// `tone_map`.
 pub const TONE_MAP: &str = parts!("film/tone_map.wgsl");
 
@@ -88,5 +127,10 @@ pub const ALL: &[(&str, &str)] = &[
     ("light_coefficients", LIGHT_COEFFICIENTS),
     ("march_lines", MARCH_LINES),
     ("gather_lines", GATHER_LINES),
+    ("diffuse", DIFFUSE),
+    ("p1_matter", P1_MATTER),
+    ("p1_source", P1_SOURCE),
+    ("heat_matter", HEAT_MATTER),
+    ("compose_field", COMPOSE_FIELD),
     ("tone_map", TONE_MAP),
 ];

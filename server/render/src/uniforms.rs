@@ -223,6 +223,56 @@ pub struct Sweep {
     pub slot: u32,
 }
 
+/// `Level` of shaders/convection_diffusion/level.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct Level {
+    pub cells: [u32; 3],
+    pub offset: u32,
+    pub weights: [f32; 3],
+    pub count: u32,
+    pub coarse_cells: [u32; 3],
+    pub coarse_offset: u32,
+    pub factors: [u32; 3],
+    pub coarse_count: u32,
+}
+
+/// Most lights a light grid takes; as in shaders/convection_diffusion/direct.wgsl.
+pub const MAX_FIELD_LIGHTS: usize = 16;
+
+/// `Sources` of shaders/convection_diffusion/direct.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct Sources {
+    pub ambient: [f32; 3],
+    pub count: u32,
+    pub slots: [[u32; 4]; MAX_FIELD_LIGHTS],
+}
+
+/// `Compose` of shaders/convection_diffusion/compose.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct Compose {
+    pub bands: u32,
+    pub diffusion: u32,
+    pub inverse_scale: f32,
+    pub pad0: u32,
+}
+
+/// `Heat` of shaders/convection_diffusion/heat.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct Heat {
+    pub spread: f32,
+    pub pad0: u32,
+    pub pad1: u32,
+    pub pad2: u32,
+}
+
 /// `ToneMap` of shaders/film/tone_map.wgsl.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
@@ -383,6 +433,22 @@ pub fn layouts() -> Vec<Layout> {
                 slot,
             }
         ),
+        layout!(
+            "Level",
+            Level {
+                cells,
+                offset,
+                weights,
+                count,
+                coarse_cells,
+                coarse_offset,
+                factors,
+                coarse_count,
+            }
+        ),
+        layout!("Sources", Sources { ambient, count, slots }),
+        layout!("Compose", Compose { bands, diffusion, inverse_scale, pad0 }),
+        layout!("Heat", Heat { spread, pad0, pad1, pad2 }),
         layout!("Restart", Restart { image, bins }),
         layout!("ToneMap", ToneMap { exposure, operator_id, pixel_count, pad0 }),
     ]

@@ -1,8 +1,14 @@
 //! Method `convection_diffusion`: light carried from each source over a grid, then spread by
 //! diffusion (shaders/convection_diffusion/README.md).
 
+mod diffusion;
+mod field;
+mod passes;
+mod stale;
 mod sweep;
 #[cfg(test)]
 #[allow(clippy::unwrap_used, clippy::expect_used)]
 mod tests;
 mod transport;
+
+pub(crate) use field::{ConvectionDiffusion, Pipelines};

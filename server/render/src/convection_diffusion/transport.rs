@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use proto::scene_file::Filter;
-use scene::Snapshot;
+use scene::{Scene, Snapshot};
 
 use super::sweep::Cells;
 use crate::error::RenderError;
@@ -18,7 +18,7 @@ use crate::volume_texture::VolumeTexture;
 /// Invocations of a workgroup that goes over cells.
 pub const CELL_GROUP: u32 = 64;
 /// Workgroups in a row of a dispatch over cells; core WebGPU allows 65,535.
-const GROUP_ROW: u32 = 1 << 15;
+pub const GROUP_ROW: u32 = 1 << 15;
 /// Edge of a workgroup over characteristics.
 const LINE_GROUP: u32 = 8;
 /// Planes of characteristics held at once at most, bytes.
@@ -182,17 +182,23 @@ impl Transport {
         }
     }
 
+    /// Points along each axis of a cell at which matter is looked at: one for each voxel.
+    pub fn points(&self, cells: &Cells, scene: &Scene) -> [u32; 3] {
+        std::array::from_fn(|axis| {
+            let voxels = scene.grid.dims[axis] as f64 / f64::from(cells.dims[axis]);
+            (voxels.ceil() as u32).clamp(POINTS[0], POINTS[1])
+        })
+    }
+
     /// Computes matter in `count` cells from `first` on.
     ///
     /// # Errors
     /// Out of memory.
-    #[allow(clippy::too_many_arguments)]
     pub fn fill(
         &self,
         matter: &Matter,
         cells: &Cells,
-        first: u32,
-        count: u32,
+        [first, count]: [u32; 2],
         snapshot: &Arc<Snapshot>,
         volume: &VolumeTexture,
         tables: &TransferFunctionTables,
@@ -205,14 +211,11 @@ impl Transport {
             samples: 0,
             rows: 0,
             in_segments: false,
+            light_version: 0,
         };
         let frame = uniform(&self.gpu, "frame", &frame_uniform(scene, volume, &film))?;
-        let points = std::array::from_fn(|axis| {
-            let voxels = scene.grid.dims[axis] as f64 / f64::from(cells.dims[axis]);
-            (voxels.ceil() as u32).clamp(POINTS[0], POINTS[1])
-        });
         let grid = LightGrid {
-            points,
+            points: self.points(cells, scene),
             clip_shadows: u32::from(scene.clip.shadows),
             ..light_grid(cells, first, count)
         };
@@ -238,11 +241,12 @@ impl Transport {
         Ok(())
     }
 
-    /// Begins a sweep: room for its characteristics.
+    /// Begins a sweep: room for its characteristics. Cells before plane `gather_from` keep the light
+    /// they have.
     ///
     /// # Errors
     /// Out of memory.
-    pub fn begin(&self, sweep: Sweep) -> Result<Lines, RenderError> {
+    pub fn begin(&self, sweep: Sweep, gather_from: u32) -> Result<Lines, RenderError> {
         let [width, height] = sweep.lines;
         let lines = u64::from(width) * u64::from(height);
         let held = (MAX_LINE_BYTES / (LINE_BYTES * lines)).clamp(1, u64::from(MAX_PLANES)) as u32;
@@ -250,10 +254,11 @@ impl Transport {
         let format = wgpu::TextureFormat::Rg32Float;
         let texture = texture_3d(&self.gpu, "characteristics", [width, height, held], format)?;
         let depths = storage(&self.gpu, "depths of characteristics", 4 * lines)?;
-        Ok(Lines { sweep, held, done: 0, view: whole(&texture), depths })
+        Ok(Lines { sweep, gather_from, held, done: 0, view: whole(&texture), depths })
     }
 
-    /// Goes on with a sweep by as many planes as are held at once; whether it is done.
+    /// Goes on with a sweep by as many planes as are held at once; whether it is done, and how many
+    /// cells were looked at.
     ///
     /// # Errors
     /// Out of memory.
@@ -262,7 +267,7 @@ impl Transport {
         lines: &mut Lines,
         matter: &Matter,
         transmittances: &wgpu::Buffer,
-    ) -> Result<bool, RenderError> {
+    ) -> Result<(bool, u64), RenderError> {
         let planes = lines.held.min(lines.sweep.plane_count - lines.done);
         let sweep =
             Sweep { first_plane: lines.sweep.start_plane + lines.done, plane_count: planes, ..lines.sweep };
@@ -289,6 +294,7 @@ impl Transport {
                 buffer_entry(29, transmittances),
             ],
         );
+        let gathers = sweep.first_plane + planes > lines.gather_from;
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
@@ -296,19 +302,24 @@ impl Transport {
             pass.set_pipeline(&self.march);
             pass.set_bind_group(0, &march, &[]);
             pass.dispatch_workgroups(groups(sweep.lines[0]), groups(sweep.lines[1]), 1);
-            pass.set_pipeline(&self.gather);
-            pass.set_bind_group(0, &gather, &[]);
-            pass.dispatch_workgroups(groups(sweep.cells[1]), groups(sweep.cells[2]), planes);
+            if gathers {
+                pass.set_pipeline(&self.gather);
+                pass.set_bind_group(0, &gather, &[]);
+                pass.dispatch_workgroups(groups(sweep.cells[1]), groups(sweep.cells[2]), planes);
+            }
         }
         self.gpu.queue.submit([encoder.finish()]);
         lines.done += planes;
-        Ok(lines.done >= lines.sweep.plane_count)
+        let cells = u64::from(planes) * u64::from(sweep.cells[1]) * u64::from(sweep.cells[2]);
+        Ok((lines.done >= lines.sweep.plane_count, if gathers { cells } else { 0 }))
     }
 }
 
 /// A sweep under way.
 pub struct Lines {
     sweep: Sweep,
+    /// First plane whose cells are to get light.
+    gather_from: u32,
     /// Planes held at once.
     held: u32,
     /// Planes that are done.

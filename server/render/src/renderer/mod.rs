@@ -16,6 +16,7 @@ use scene::light::LightGeometry;
 use scene::plan::{FilmPlan, Pass, Plan, SegmentsPlan, Target};
 use scene::{Integrator, Rendering, Scene, Snapshot};
 
+use crate::convection_diffusion;
 use crate::error::RenderError;
 use crate::film::ToneMapper;
 use crate::gpu::Gpu;
@@ -33,7 +34,7 @@ pub use tracing::PathEstimate;
 pub(crate) use tracing::PathFilm;
 
 /// Methods that can be drawn.
-pub const METHODS_BUILT: &[Method] = &[Method::Local, Method::PathTraced];
+pub const METHODS_BUILT: &[Method] = &[Method::Local, Method::ConvectionDiffusion, Method::PathTraced];
 
 /// Light computed ahead may take this share of a call's budget; the rest is for the picture.
 const LIGHT_SHARE_OF_BUDGET: f64 = 0.5;
@@ -45,6 +46,7 @@ pub struct Renderer {
     ray_caster: Arc<RayCaster>,
     path_tracer: Arc<PathTracer>,
     tone_mapper: ToneMapper,
+    convection_diffusion: convection_diffusion::Pipelines,
 }
 
 /// What is wanted of one call of [`Renderer::draw`].
@@ -192,7 +194,8 @@ impl Renderer {
         let path_tracer = Arc::new(PathTracer::new(gpu.clone()));
         let tone_mapper = ToneMapper::new(gpu.clone())?;
         gpu.take_error()?;
-        Ok(Self { gpu, volumes, ray_caster, path_tracer, tone_mapper })
+        let convection_diffusion = convection_diffusion::Pipelines::default();
+        Ok(Self { gpu, volumes, ray_caster, path_tracer, tone_mapper, convection_diffusion })
     }
 
     /// Draws a few pixels with each common variant, so that no viewer waits for a compiler (the
@@ -323,6 +326,7 @@ impl Renderer {
             lights,
             majorants: view.majorants.as_ref().map(|(_, map)| map),
             environment: view.environment.as_ref().map(|(_, tables)| tables),
+            convection_diffusion: &self.convection_diffusion,
         })
     }
 

@@ -1,5 +1,6 @@
 //! Solvers against closed forms, on the device.
 
+mod diffusion;
 mod transport;
 
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock};
@@ -66,7 +67,7 @@ impl Device {
         let (_, volume) = view.volume.as_ref().unwrap();
         let (_, tables) = view.transfer_function.as_ref().unwrap();
         let count = cells.count() as u32;
-        self.transport.fill(&matter, cells, 0, count, snapshot, volume, tables).unwrap();
+        self.transport.fill(&matter, cells, [0, count], snapshot, volume, tables).unwrap();
         matter
     }
 
@@ -76,8 +77,8 @@ impl Device {
         let bytes = 4 * cells.count();
         let out = storage(&self.gpu, "transmittances", bytes).unwrap();
         for sweep in sweeps(&snapshot.scene.lights[0].geometry, cells, 0) {
-            let mut lines = self.transport.begin(sweep).unwrap();
-            while !self.transport.advance(&mut lines, &matter, &out).unwrap() {}
+            let mut lines = self.transport.begin(sweep, 0).unwrap();
+            while !self.transport.advance(&mut lines, &matter, &out).unwrap().0 {}
         }
         let words: Vec<u32> = bytemuck::pod_collect_to_vec(&self.gpu.read_buffer(&out, bytes).unwrap());
         words.iter().map(|&word| [word & 0xffff, word >> 16].map(|share| share as f32 / 65535.0)).collect()
