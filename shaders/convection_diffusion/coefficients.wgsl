@@ -32,16 +32,18 @@ fn light_coefficients(@builtin(workgroup_id) group: vec3u, @builtin(local_invoca
                 let uvw = (vec3f(cell) + within) / vec3f(grid.cells);
                 let s = s_of_texel(texel_value(uvw));
                 let piece = piece_from(s, true, table_entry(s).point);
-                let sigma_t = sigma_t_in(piece, s) * in_the_way(uvw);
+                // Clipped matter is not there, or blocks light and scatters none.
+                let kept = is_kept(uvw);
+                let sigma_t = select(0.0, sigma_t_in(piece, s), kept || grid.clip_shadows == 1u);
                 let found = place_in(piece, s);
                 let material = materials[found.material];
                 let albedo = albedo_at(found);
                 let reflected = albedo * material.ambient_diffuse + material.ambient_specular;
-                let scattered = min(mix(albedo, reflected, material.surface), vec3f(1.0));
+                let scattered = select(vec3f(0.0), min(mix(albedo, reflected, material.surface), vec3f(1.0)), kept);
                 extinction += sigma_t;
                 absorption += sigma_t * (1.0 - scattered);
                 scattering += sigma_t * scattered;
-                forward += sigma_t * (1.0 - material.surface) * dot(albedo, vec3f(1.0)) * material.bands[0].y;
+                forward += select(0.0, sigma_t * (1.0 - material.surface) * dot(albedo, vec3f(1.0)) * material.bands[0].y, kept);
             }
         }
     }
@@ -53,12 +55,12 @@ fn light_coefficients(@builtin(workgroup_id) group: vec3u, @builtin(local_invoca
     cosines[index] = clamp(forward / max(dot(scattering, vec3f(1.0)), 1e-20), -1.0, 1.0);
 }
 
-// 1 where matter blocks light, 0 where it is clipped away and blocks none.
-fn in_the_way(uvw: vec3f) -> f32 {
+// Whether a place is not clipped away.
+fn is_kept(uvw: vec3f) -> bool {
     let x = (uvw - 0.5) * frame.size_world;
     var kept = all(x >= frame.clip_low) && all(x <= frame.clip_high);
     for (var i = 0u; i < steering(frame.plane_count); i++) {
         kept = kept && dot(frame.planes[i].xyz, x) >= frame.planes[i].w;
     }
-    return select(0.0, 1.0, kept || grid.clip_shadows == 1u);
+    return kept;
 }

@@ -111,8 +111,7 @@ pub const P1_SOURCE: &str = with_direct_light!("convection_diffusion/source.wgsl
 pub const HEAT_MATTER: &str = with_direct_light!("convection_diffusion/heat.wgsl");
 
 /// `compose_field`.
-pub const COMPOSE_FIELD: &str =
-    with_direct_light!("shared/sh.wgsl", "convection_diffusion/compose.wgsl");
+pub const COMPOSE_FIELD: &str = with_direct_light!("shared/sh.wgsl", "convection_diffusion/compose.wgsl");
 
 /// `tone_map`.
 pub const TONE_MAP: &str = parts!("film/tone_map.wgsl");

@@ -435,16 +435,7 @@ pub fn layouts() -> Vec<Layout> {
         ),
         layout!(
             "Level",
-            Level {
-                cells,
-                offset,
-                weights,
-                count,
-                coarse_cells,
-                coarse_offset,
-                factors,
-                coarse_count,
-            }
+            Level { cells, offset, weights, count, coarse_cells, coarse_offset, factors, coarse_count }
         ),
         layout!("Sources", Sources { ambient, count, slots }),
         layout!("Compose", Compose { bands, diffusion, inverse_scale, pad0 }),

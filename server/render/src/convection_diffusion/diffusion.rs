@@ -337,7 +337,8 @@ mod tests {
 
     #[test]
     fn levels_end_in_one_cell_and_keep_cells_alike() {
-        for (dims, size) in [([128, 128, 128], 1.0), ([7, 33, 1], 0.3), ([1, 1, 1], 1.0), ([64, 64, 5], 6.0)] {
+        for (dims, size) in [([128, 128, 128], 1.0), ([7, 33, 1], 0.3), ([1, 1, 1], 1.0), ([64, 64, 5], 6.0)]
+        {
             let cells = Cells { dims, size: DVec3::new(1.0, 1.0, size) };
             let levels = levels(&cells);
             assert_eq!(levels.last().unwrap().cells, [1; 3]);

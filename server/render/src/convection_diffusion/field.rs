@@ -403,8 +403,7 @@ impl ConvectionDiffusion {
         let (first, cells) = (low * layer, (end - low) * layer);
         let Inputs { snapshot, texture, tables, .. } = inputs;
         self.solvers.transport.fill(&self.matter, &self.cells, [first, cells], snapshot, texture, tables)?;
-        self.unfilled =
-            (end < high).then_some(Region { low: [region.low[0], region.low[1], end], ..region });
+        self.unfilled = (end < high).then_some(Region { low: [region.low[0], region.low[1], end], ..region });
         Ok(u64::from(cells))
     }
 
@@ -525,15 +524,18 @@ impl ConvectionDiffusion {
         if first == 0 {
             self.field.set_scale(scale);
         }
-        passes.compose(&light, &super::passes::Composed {
-            matter: &self.matter,
-            diffused: self.diffused.as_ref().map(|(grids, leaks)| (grids, leaks)),
-            lights: &inputs.lights.lights,
-            transmittances: &self.transmittances,
-            field: &self.field,
-            kind: if self.diffused.is_some() { kind_of(scene) } else { Kind::None },
-            scale,
-        })?;
+        passes.compose(
+            &light,
+            &super::passes::Composed {
+                matter: &self.matter,
+                diffused: self.diffused.as_ref().map(|(grids, leaks)| (grids, leaks)),
+                lights: &inputs.lights.lights,
+                transmittances: &self.transmittances,
+                field: &self.field,
+                kind: if self.diffused.is_some() { kind_of(scene) } else { Kind::None },
+                scale,
+            },
+        )?;
         self.uncomposed = (first + count < all).then_some(first + count);
         *changed |= self.uncomposed.is_none();
         Ok(u64::from(count))

@@ -115,27 +115,35 @@ impl Passes {
 
     /// D and E of the P1 approximation.
     pub fn p1_matter(&self, light: &Light, bound: &Bound<'_>) {
-        self.run(&self.p1_matter, light, &[
-            buffer_entry(20, &light.grid),
-            buffer_entry(22, &bound.matter.cosines),
-            texture_entry(24, &bound.matter.coefficients),
-            buffer_entry(31, &bound.grids.flows),
-            buffer_entry(32, &bound.grids.losses),
-            buffer_entry(39, bound.leaks),
-        ]);
+        self.run(
+            &self.p1_matter,
+            light,
+            &[
+                buffer_entry(20, &light.grid),
+                buffer_entry(22, &bound.matter.cosines),
+                texture_entry(24, &bound.matter.coefficients),
+                buffer_entry(31, &bound.grids.flows),
+                buffer_entry(32, &bound.grids.losses),
+                buffer_entry(39, bound.leaks),
+            ],
+        );
     }
 
     /// The source of the P1 approximation.
     pub fn p1_source(&self, light: &Light, bound: &Bound<'_>) {
-        self.run(&self.p1_source, light, &[
-            buffer_entry(4, bound.lights),
-            buffer_entry(20, &light.grid),
-            texture_entry(24, &bound.matter.coefficients),
-            buffer_entry(29, bound.transmittances),
-            buffer_entry(34, &bound.grids.residuals),
-            buffer_entry(39, bound.leaks),
-            buffer_entry(40, &light.sources),
-        ]);
+        self.run(
+            &self.p1_source,
+            light,
+            &[
+                buffer_entry(4, bound.lights),
+                buffer_entry(20, &light.grid),
+                texture_entry(24, &bound.matter.coefficients),
+                buffer_entry(29, bound.transmittances),
+                buffer_entry(34, &bound.grids.residuals),
+                buffer_entry(39, bound.leaks),
+                buffer_entry(40, &light.sources),
+            ],
+        );
     }
 
     /// D, E and the source of the heat flow.
@@ -144,17 +152,21 @@ impl Passes {
     /// Out of memory.
     pub fn heat(&self, light: &Light, bound: &Bound<'_>, spread: f32) -> Result<(), RenderError> {
         let heat = uniform(&self.gpu, "heat", &Heat { spread, ..Heat::default() })?;
-        self.run(&self.heat, light, &[
-            buffer_entry(4, bound.lights),
-            buffer_entry(20, &light.grid),
-            texture_entry(24, &bound.matter.coefficients),
-            buffer_entry(29, bound.transmittances),
-            buffer_entry(31, &bound.grids.flows),
-            buffer_entry(32, &bound.grids.losses),
-            buffer_entry(34, &bound.grids.residuals),
-            buffer_entry(40, &light.sources),
-            buffer_entry(42, &heat),
-        ]);
+        self.run(
+            &self.heat,
+            light,
+            &[
+                buffer_entry(4, bound.lights),
+                buffer_entry(20, &light.grid),
+                texture_entry(24, &bound.matter.coefficients),
+                buffer_entry(29, bound.transmittances),
+                buffer_entry(31, &bound.grids.flows),
+                buffer_entry(32, &bound.grids.losses),
+                buffer_entry(34, &bound.grids.residuals),
+                buffer_entry(40, &light.sources),
+                buffer_entry(42, &heat),
+            ],
+        );
         Ok(())
     }
 
@@ -179,16 +191,20 @@ impl Passes {
             Some((grids, _)) => (&grids.flows, &grids.solution),
             None => (&composed.matter.cosines, composed.transmittances),
         };
-        self.run(&self.compose, light, &[
-            buffer_entry(4, composed.lights),
-            buffer_entry(20, &light.grid),
-            texture_entry(21, &composed.field.view),
-            buffer_entry(29, composed.transmittances),
-            buffer_entry(31, flows),
-            buffer_entry(35, solution),
-            buffer_entry(40, &light.sources),
-            buffer_entry(41, &told),
-        ]);
+        self.run(
+            &self.compose,
+            light,
+            &[
+                buffer_entry(4, composed.lights),
+                buffer_entry(20, &light.grid),
+                texture_entry(21, &composed.field.view),
+                buffer_entry(29, composed.transmittances),
+                buffer_entry(31, flows),
+                buffer_entry(35, solution),
+                buffer_entry(40, &light.sources),
+                buffer_entry(41, &told),
+            ],
+        );
         Ok(())
     }
 

@@ -12,7 +12,10 @@ fn diffused(snapshot: &Arc<Snapshot>) -> (Vec<f32>, Cells, u64) {
     let device = &mut *device;
     let mut view = View::new();
     let target = Target { width: 8, height: 8, samples_per_pixel: 1 };
-    device.renderer.draw(&mut view, &DrawRequest { snapshot: &local(snapshot), target, budget: None }).unwrap();
+    device
+        .renderer
+        .draw(&mut view, &DrawRequest { snapshot: &local(snapshot), target, budget: None })
+        .unwrap();
     let pipelines = Default::default();
     let inputs = Inputs {
         gpu: &device.gpu,
@@ -44,7 +47,8 @@ fn white_matter_under_uniform_light_is_as_bright_as_the_light() {
         "lights": [{"type": "environment", "radiance": [0.25, 0.5, 1.0]}],
         "illumination": {"method": "convection_diffusion", "max_residual": 1e-5, "light_grid": 1}});
     // Matter of many densities, and some vacuum.
-    let voxels: Vec<u8> = (0..12 * 9 * 17).map(|i| if i % 7 == 0 { 0 } else { (i * 37 % 251) as u8 }).collect();
+    let voxels: Vec<u8> =
+        (0..12 * 9 * 17).map(|i| if i % 7 == 0 { 0 } else { (i * 37 % 251) as u8 }).collect();
     let snapshot = snapshot([12, 9, 17], voxels, patch);
     let (fluence, _, iterations) = diffused(&snapshot);
     let expected = std::f32::consts::PI;
@@ -60,7 +64,8 @@ fn white_matter_under_uniform_light_is_as_bright_as_the_light() {
 fn a_slab_follows_the_closed_form() {
     const DEPTH: f64 = 16.0;
     for albedo in [0.99, 0.8] {
-        let volume = Volume { spacing: [1000.0, 1000.0, 1.0], ..Volume::new([2, 2, 96], Voxels::U8(vec![255; 384])) };
+        let volume =
+            Volume { spacing: [1000.0, 1000.0, 1.0], ..Volume::new([2, 2, 96], Voxels::U8(vec![255; 384])) };
         let height = 0.048;
         let sigma = DEPTH / height;
         let patch = json!({"transfer_function": ramp(sigma, albedo),
@@ -76,7 +81,11 @@ fn a_slab_follows_the_closed_form() {
         let e = |x: f64| (x * height).exp();
         let rows = [
             [1.0 - 2.0 * d * k, 1.0 + 2.0 * d * k, -c * (1.0 + 2.0 * d * sigma)],
-            [(1.0 + 2.0 * d * k) * e(k), (1.0 - 2.0 * d * k) * e(-k), -c * (1.0 - 2.0 * d * sigma) * e(-sigma)],
+            [
+                (1.0 + 2.0 * d * k) * e(k),
+                (1.0 - 2.0 * d * k) * e(-k),
+                -c * (1.0 - 2.0 * d * sigma) * e(-sigma),
+            ],
         ];
         let determinant = rows[0][0] * rows[1][1] - rows[0][1] * rows[1][0];
         let a = (rows[0][2] * rows[1][1] - rows[0][1] * rows[1][2]) / determinant;
