@@ -37,6 +37,7 @@ pub(crate) fn scene(scene: &SceneFile) -> Checked {
     within("illumination.longest_path", f64::from(longest), 1.0, f64::from(MAX_PATH_LENGTH))?;
     within("illumination.light_grid", illumination.light_grid, 0.01, 2.0)?;
     within("illumination.light_bands", f64::from(illumination.light_bands), 1.0, 6.0)?;
+    within("illumination.explicit_steps", f64::from(illumination.explicit_steps), 1.0, 100.0)?;
     within("illumination.heat_spread", illumination.heat_spread, 0.0, 1.0)?;
     within("illumination.max_residual", illumination.max_residual, 1e-5, 0.5)?;
     let sampling = &scene.sampling;

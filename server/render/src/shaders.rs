@@ -75,6 +75,9 @@ pub const MARCH_LINES: &str = parts!(
 /// `gather_lines`: from characteristics to cells.
 pub const GATHER_LINES: &str = parts!("convection_diffusion/sweep.wgsl", "convection_diffusion/gather.wgsl");
 
+/// `upwind_front`, `pack_fronts`: the upwind scheme.
+pub const UPWIND: &str = parts!("convection_diffusion/upwind.wgsl");
+
 /// Passes of the diffusion solver: `smooth_level`, `restrict_residual`, `prolong_correction`,
 /// `coarsen_level` and those of the conjugate gradients.
 pub const DIFFUSE: &str = parts!(
@@ -126,6 +129,7 @@ pub const ALL: &[(&str, &str)] = &[
     ("light_coefficients", LIGHT_COEFFICIENTS),
     ("march_lines", MARCH_LINES),
     ("gather_lines", GATHER_LINES),
+    ("upwind", UPWIND),
     ("diffuse", DIFFUSE),
     ("p1_matter", P1_MATTER),
     ("p1_source", P1_SOURCE),

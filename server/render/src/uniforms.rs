@@ -223,6 +223,21 @@ pub struct Sweep {
     pub slot: u32,
 }
 
+/// `Front` of shaders/convection_diffusion/upwind.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct Front {
+    pub cells: [u32; 3],
+    pub front: u32,
+    pub cell_size: [f32; 3],
+    pub from_place: u32,
+    pub light: [f32; 3],
+    pub slot: u32,
+    pub start: [u32; 3],
+    pub pad0: u32,
+}
+
 /// `Level` of shaders/convection_diffusion/level.wgsl.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
@@ -437,6 +452,7 @@ pub fn layouts() -> Vec<Layout> {
             "Level",
             Level { cells, offset, weights, count, coarse_cells, coarse_offset, factors, coarse_count }
         ),
+        layout!("Front", Front { cells, front, cell_size, from_place, light, slot, start, pad0 }),
         layout!("Sources", Sources { ambient, count, slots }),
         layout!("Compose", Compose { bands, diffusion, inverse_scale, pad0 }),
         layout!("Heat", Heat { spread, pad0, pad1, pad2 }),

@@ -101,16 +101,14 @@ fn single_scattering_agrees_with_the_reference() {
             {"method": "convection_diffusion", "light_grid": 2.0, "light_bands": 6}}),
             0.03,
         ),
-        (
-            "clipped, with shadows",
-            json!({"clip": {"box": [[0, 0, 0], [1, 0.6, 1]], "shadows": true}}),
-            0.05,
-        ),
+        ("clipped, with shadows", json!({"clip": {"box": [[0, 0, 0], [1, 0.6, 1]], "shadows": true}}), 0.05),
         ("clipped, without", json!({"clip": {"box": [[0, 0, 0], [1, 0.6, 1]], "shadows": false}}), 0.05),
     ] {
         let (l2, mean) = error(&single(patch), 256);
         eprintln!("{name}: relative L2 {l2:.4}, mean {mean:+.4}");
-        if l2 >= tolerance { eprintln!("FAIL"); }
+        if l2 >= tolerance {
+            eprintln!("FAIL");
+        }
     }
 }
 
@@ -162,7 +160,8 @@ fn edits_equal_from_scratch() {
                     patch["transfer_function"] = json!({"points": points});
                 }
                 4 => {
-                    patch["clip"] = json!({"box": [[0, 0, 0], [1, 0.4 + 0.6 * random(&mut state), 1]], "shadows": false})
+                    patch["clip"] =
+                        json!({"box": [[0, 0, 0], [1, 0.4 + 0.6 * random(&mut state), 1]], "shadows": false})
                 }
                 _ => patch["lights"][1]["enabled"] = json!(next(&mut state) % 2 == 0),
             }

@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 use glam::DVec3;
-use proto::scene_file::{Diffusion as Kind, Orders};
+use proto::scene_file::{Diffusion as Kind, Illumination, LightTransport, Orders};
 use scene::changes::LightChange;
 use scene::light::LightGeometry;
 use scene::plan::changes_of_light;
@@ -16,6 +16,7 @@ use super::passes::Passes;
 use super::stale::{Region, changed_region, first_plane_within};
 use super::sweep::{Cells, sweeps};
 use super::transport::{Lines, Matter, Transport, storage};
+use super::upwind::{Fronts, Upwind};
 use crate::error::RenderError;
 use crate::gpu::Gpu;
 use crate::illumination::{Inputs, Progress};
@@ -42,6 +43,7 @@ pub(crate) struct Pipelines(OnceLock<Arc<Solvers>>);
 
 struct Solvers {
     transport: Transport,
+    upwind: Upwind,
     diffusion: Diffusion,
     passes: Passes,
 }
@@ -51,6 +53,7 @@ impl Pipelines {
         let compile = || {
             Arc::new(Solvers {
                 transport: Transport::new(gpu.clone()),
+                upwind: Upwind::new(gpu.clone()),
                 diffusion: Diffusion::new(gpu.clone()),
                 passes: Passes::new(gpu.clone()),
             })
@@ -92,6 +95,8 @@ struct Carrying {
     /// Sweeps to come, and the plane from which each is gathered; the last is next.
     sweeps: Vec<(Sweep, u32)>,
     lines: Option<Lines>,
+    /// In place of sweeps, for the upwind scheme.
+    fronts: Option<Fronts>,
 }
 
 /// The light of one session by this method.
@@ -126,6 +131,12 @@ fn kind_of(scene: &Scene) -> Kind {
         Orders::AtMost(1) => Kind::None,
         _ => scene.illumination.diffusion,
     }
+}
+
+/// What transmittances depend on of the settings.
+fn transport_of(settings: &Illumination) -> (LightTransport, u32) {
+    let steps = if settings.transport == LightTransport::Explicit { settings.explicit_steps } else { 0 };
+    (settings.transport, steps)
 }
 
 /// Lights with a direction at each place, in the order of `tables::lights`.
@@ -290,6 +301,9 @@ impl ConvectionDiffusion {
                 self.make_room_for_diffusion(scene)?;
             }
         }
+        if transport_of(&self.snapshot.scene.illumination) != transport_of(&scene.illumination) {
+            self.mark_lights(Stale::Everything);
+        }
         self.snapshot = new;
         if !self.is_complete() {
             self.uncomposed = Some(0);
@@ -371,7 +385,7 @@ impl ConvectionDiffusion {
         } else if self.carrying.is_some() {
             count("light_cells_carried", self.carry()?);
         } else if let Some(slot) = self.slots.iter().position(|slot| slot.stale != Stale::Nothing) {
-            self.begin_carrying(slot);
+            self.begin_carrying(slot)?;
         } else if sliced && self.unsolved && !self.shown_direct && self.uncomposed.is_some() {
             // What is known of the new light is shown before all of it is.
             count("light_cells_composed", self.compose(inputs, changed)?);
@@ -407,29 +421,45 @@ impl ConvectionDiffusion {
         Ok(u64::from(cells))
     }
 
-    fn begin_carrying(&mut self, slot: usize) {
+    fn begin_carrying(&mut self, slot: usize) -> Result<(), RenderError> {
         let Slot { light, stale } = &mut self.slots[slot];
         let was = *stale;
         *stale = Stale::Nothing;
-        let Some((_, geometry)) = light else { return };
+        let Some((_, geometry)) = light else { return Ok(()) };
         let offset = (slot as u64 * self.cells.count()) as u32;
-        let mut all = Vec::new();
-        for sweep in sweeps(geometry, &self.cells, offset) {
-            let from = match was {
-                Stale::Behind(region) => first_plane_within(&sweep, &region),
-                _ => Some(sweep.start_plane),
+        let settings = &self.snapshot.scene.illumination;
+        let mut carrying = Carrying { slot, was, sweeps: Vec::new(), lines: None, fronts: None };
+        if settings.transport == LightTransport::Characteristics {
+            for sweep in sweeps(geometry, &self.cells, offset) {
+                let from = match was {
+                    Stale::Behind(region) => first_plane_within(&sweep, &region),
+                    _ => Some(sweep.start_plane),
+                };
+                carrying.sweeps.extend(from.map(|from| (sweep, from)));
+            }
+        } else {
+            let steps = match settings.transport {
+                LightTransport::Explicit => settings.explicit_steps,
+                _ => 0,
             };
-            all.extend(from.map(|from| (sweep, from)));
+            let (matter, out) = (&self.matter, &self.transmittances);
+            carrying.fronts = self.solvers.upwind.begin(geometry, &self.cells, offset, steps, matter, out)?;
         }
-        self.carrying = Some(Carrying { slot, was, sweeps: all, lines: None });
-        if self.carrying.as_ref().is_some_and(|carrying| carrying.sweeps.is_empty()) {
-            self.carrying = None;
-        }
+        let any = !carrying.sweeps.is_empty() || carrying.fronts.is_some();
+        self.carrying = any.then_some(carrying);
+        Ok(())
     }
 
     /// Goes on with the sweeps under way; how many cells got light.
     fn carry(&mut self) -> Result<u64, RenderError> {
         let Some(carrying) = &mut self.carrying else { return Ok(0) };
+        if let Some(fronts) = &mut carrying.fronts {
+            let (done, cells) = self.solvers.upwind.advance(fronts);
+            if done {
+                self.carrying = None;
+            }
+            return Ok(cells);
+        }
         let transport = &self.solvers.transport;
         let mut lines = match carrying.lines.take() {
             Some(lines) => lines,

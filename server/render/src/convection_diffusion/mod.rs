@@ -10,5 +10,6 @@ mod sweep;
 #[allow(clippy::unwrap_used, clippy::expect_used)]
 mod tests;
 mod transport;
+mod upwind;
 
 pub(crate) use field::{ConvectionDiffusion, Pipelines};

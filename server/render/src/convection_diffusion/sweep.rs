@@ -38,24 +38,42 @@ impl Cells {
     }
 }
 
-/// The sweeps that bring a light to every cell: one for a light from afar, up to six for one with a
-/// place. None for an environment.
-pub fn sweeps(geometry: &LightGeometry, cells: &Cells, slot: u32) -> Vec<Sweep> {
+/// Where light comes from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Source {
+    /// From so far away that it is parallel: the way it travels.
+    Afar(DVec3),
+    /// From a place, in cells from the box's lower corner.
+    At(DVec3),
+}
+
+/// Where a light's comes from; `None` for an environment. Area lights act from their centre.
+pub fn source_of(geometry: &LightGeometry, cells: &Cells) -> Option<Source> {
     let place = match geometry {
-        LightGeometry::Directional { direction } => return vec![parallel(*direction, cells, slot)],
+        LightGeometry::Directional { direction } => return Some(Source::Afar(*direction)),
         LightGeometry::Point { position } | LightGeometry::Spot { position, .. } => *position,
         LightGeometry::Rectangle { center, .. }
         | LightGeometry::Disk { center, .. }
         | LightGeometry::Sphere { center, .. } => *center,
-        LightGeometry::UniformEnvironment | LightGeometry::Environment { .. } => return Vec::new(),
+        LightGeometry::UniformEnvironment | LightGeometry::Environment { .. } => return None,
     };
     let from = cells.coordinates(place);
     let far = PARALLEL_BEYOND * cells.edges().max_element();
-    if (from - 0.5 * cells.edges()).abs().max_element() > far {
-        return vec![parallel(-place.normalize(), cells, slot)];
+    let is_far = (from - 0.5 * cells.edges()).abs().max_element() > far;
+    Some(if is_far { Source::Afar(-place.normalize()) } else { Source::At(from) })
+}
+
+/// The sweeps that bring a light to every cell: one for a light from afar, up to six for one with a
+/// place. None for an environment.
+pub fn sweeps(geometry: &LightGeometry, cells: &Cells, slot: u32) -> Vec<Sweep> {
+    match source_of(geometry, cells) {
+        None => Vec::new(),
+        Some(Source::Afar(direction)) => vec![parallel(direction, cells, slot)],
+        Some(Source::At(place)) => {
+            let sides = (0..3).flat_map(|axis| [true, false].map(|forward| (axis, forward)));
+            sides.filter_map(|(axis, forward)| from_place(place, cells, axis, forward, slot)).collect()
+        }
     }
-    let sides = (0..3).flat_map(|axis| [true, false].map(|forward| (axis, forward)));
-    sides.filter_map(|(axis, forward)| from_place(from, cells, axis, forward, slot)).collect()
 }
 
 /// The components of a vector along the main axis and the two that follow it.

@@ -13,6 +13,7 @@ use serde_json::{Value, json};
 
 use super::sweep::{Cells, sweeps};
 use super::transport::{Matter, Transport, storage};
+use super::upwind::Upwind;
 use crate::gpu::{AdapterPolicy, Gpu};
 use crate::{DrawRequest, Renderer, View};
 
@@ -71,16 +72,31 @@ impl Device {
         matter
     }
 
-    /// Per cell: transmittance to the centre, and its mean over the cell.
+    /// Per cell, by the upwind scheme: transmittance to the centre, and its mean over the cell.
+    fn upwind(&mut self, snapshot: &Arc<Snapshot>, cells: &Cells, steps: u32) -> Vec<[f32; 2]> {
+        let matter = self.matter(snapshot, cells);
+        let out = storage(&self.gpu, "transmittances", 4 * cells.count()).unwrap();
+        let upwind = Upwind::new(self.gpu.clone());
+        let geometry = &snapshot.scene.lights[0].geometry;
+        let mut fronts = upwind.begin(geometry, cells, 0, steps, &matter, &out).unwrap().unwrap();
+        while !upwind.advance(&mut fronts).0 {}
+        self.shares(&out, cells)
+    }
+
+    /// Per cell, along characteristics: transmittance to the centre, and its mean over the cell.
     fn transmittances(&mut self, snapshot: &Arc<Snapshot>, cells: &Cells) -> Vec<[f32; 2]> {
         let matter = self.matter(snapshot, cells);
-        let bytes = 4 * cells.count();
-        let out = storage(&self.gpu, "transmittances", bytes).unwrap();
+        let out = storage(&self.gpu, "transmittances", 4 * cells.count()).unwrap();
         for sweep in sweeps(&snapshot.scene.lights[0].geometry, cells, 0) {
             let mut lines = self.transport.begin(sweep, 0).unwrap();
             while !self.transport.advance(&mut lines, &matter, &out).unwrap().0 {}
         }
-        let words: Vec<u32> = bytemuck::pod_collect_to_vec(&self.gpu.read_buffer(&out, bytes).unwrap());
+        self.shares(&out, cells)
+    }
+
+    fn shares(&self, out: &wgpu::Buffer, cells: &Cells) -> Vec<[f32; 2]> {
+        let bytes = 4 * cells.count();
+        let words: Vec<u32> = bytemuck::pod_collect_to_vec(&self.gpu.read_buffer(out, bytes).unwrap());
         words.iter().map(|&word| [word & 0xffff, word >> 16].map(|share| share as f32 / 65535.0)).collect()
     }
 }

@@ -18,11 +18,22 @@ fn way(x: DVec3, from: Option<DVec3>, direction: DVec3, half: DVec3) -> f64 {
 
 /// Largest error over all cells of a homogeneous box of optical depth `depth` along its longest edge.
 fn largest_error(dims: [usize; 3], cell_dims: [u32; 3], depth: f64, light: Value) -> f64 {
+    errors(dims, cell_dims, depth, light, |snapshot, cells| device().transmittances(snapshot, cells)).0
+}
+
+/// The largest and the mean error of a solver.
+fn errors(
+    dims: [usize; 3],
+    cell_dims: [u32; 3],
+    depth: f64,
+    light: Value,
+    solve: impl Fn(&Arc<Snapshot>, &Cells) -> Vec<[f32; 2]>,
+) -> (f64, f64) {
     let voxels = vec![255; dims.iter().product()];
     let patch = json!({"transfer_function": ramp(depth, 0.0), "lights": [light]});
     let snapshot = snapshot(dims, voxels, patch);
     let cells = cells(&snapshot, cell_dims);
-    let found = device().transmittances(&snapshot, &cells);
+    let found = solve(&snapshot, &cells);
     let half = 0.5 * snapshot.scene.grid.size_world;
     let geometry = &snapshot.scene.lights[0].geometry;
     let (from, direction) = match geometry {
@@ -34,7 +45,8 @@ fn largest_error(dims: [usize; 3], cell_dims: [u32; 3], depth: f64, light: Value
         let expected = (-depth * way(x, from, direction, half)).exp();
         (f64::from(found[index][0]) - expected).abs()
     };
-    centres(&cells).map(error).fold(0.0, f64::max)
+    let all: Vec<f64> = centres(&cells).map(error).collect();
+    (all.iter().copied().fold(0.0, f64::max), all.iter().sum::<f64>() / all.len() as f64)
 }
 
 fn directional(direction: [f64; 3]) -> Value {
@@ -156,4 +168,35 @@ fn a_mean_over_a_thick_cell_holds_what_the_cell_takes() {
             found[index]
         );
     }
+}
+
+#[test]
+fn upwind_is_exact_along_an_axis_and_of_first_order_askew() {
+    let direct = |light: Value, n| {
+        errors([8; 3], [n; 3], 4.0, light, |snapshot, cells| device().upwind(snapshot, cells, 0))
+    };
+    let (axis, _) = direct(directional([0.0, -1.0, 0.0]), 32);
+    assert!(axis < 1e-4, "{axis}");
+    for light in [directional([0.5, -0.6, 0.8]), point([0.9, 0.4, -0.7]), point([0.1, -0.07, 0.2])] {
+        let ((_, coarse), (_, fine)) = (direct(light.clone(), 16), direct(light.clone(), 32));
+        println!("{light}: mean error {coarse:.4}, {fine:.4}");
+        assert!(fine < 0.04 && fine < 0.8 * coarse, "{light}: {coarse} {fine}");
+    }
+}
+
+/// Explicit steps approach the direct solution; the published four or five are far from it.
+#[test]
+fn explicit_steps_converge_to_the_direct_solution() {
+    let patch = json!({"transfer_function": ramp(4.0, 0.0), "lights": [directional([0.0, -1.0, 0.0])]});
+    let snapshot = snapshot([8; 3], vec![255; 512], patch);
+    let cells = cells(&snapshot, [32; 3]);
+    let direct = device().upwind(&snapshot, &cells, 0);
+    let distance = |steps: u32| {
+        let found = device().upwind(&snapshot, &cells, steps);
+        let each = found.iter().zip(&direct).map(|(a, b)| (a[0] - b[0]).abs());
+        each.fold(0.0, f32::max)
+    };
+    let distances = [2, 5, 24].map(distance);
+    println!("{distances:?}");
+    assert!(distances[0] > distances[1] && distances[1] > 0.1 && distances[2] < 1e-3, "{distances:?}");
 }
