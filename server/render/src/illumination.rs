@@ -45,8 +45,10 @@ pub(crate) struct Inputs<'a> {
     /// Lights by kind, with all of their geometry.
     pub lights: &'a LightTables,
     /// Bounds of the extinction, for methods that track paths.
+    #[allow(dead_code)]
     pub majorants: Option<&'a wgpu::TextureView>,
     /// Where there is an environment image.
+    #[allow(dead_code)]
     pub environment: Option<&'a EnvironmentTables>,
     pub convection_diffusion: &'a convection_diffusion::Pipelines,
 }
@@ -66,7 +68,7 @@ pub(crate) struct Progress {
 enum Lit {
     /// A field from elsewhere, for tests.
     #[cfg_attr(not(test), allow(dead_code))]
-    Given(LightField),
+    Given(Box<LightField>),
     ConvectionDiffusion(Box<ConvectionDiffusion>),
 }
 
@@ -150,7 +152,7 @@ impl Illumination {
     /// Takes a field from a test as the light of every scene with this method.
     #[cfg(test)]
     pub fn give(&mut self, method: Method, field: LightField) {
-        self.lit = Some((method, Lit::Given(field)));
+        self.lit = Some((method, Lit::Given(Box::new(field))));
     }
 }
 

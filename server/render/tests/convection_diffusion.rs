@@ -86,29 +86,27 @@ fn single_scattering_agrees_with_the_reference() {
     material["points"][0]["material"] = json!("m");
     material["points"][1]["material"] = json!("m");
     for (name, patch, tolerance) in [
-        ("from afar", json!({}), 0.03),
-        ("from outside", json!({"lights": [lamp([0.9, 0.8, 0.3], [2.0, 2.0, 1.0])]}), 0.03),
+        ("from afar", json!({}), 0.06),
+        ("from outside", json!({"lights": [lamp([0.9, 0.8, 0.3], [2.0, 2.0, 1.0])]}), 0.06),
         ("from inside", json!({"lights": [lamp([0.1, -0.1, 0.2], [0.2, 0.2, 0.1])]}), 0.08),
         ("a cone", json!({"lights": [spot]}), 0.05),
         (
             "two lights",
             json!({"lights": [sun([1.0, -1.0, 0.2], [1.0; 3]), lamp([-0.8, 0.6, 0.9], [1.0; 3])]}),
-            0.03,
+            0.06,
         ),
         (
             "forward",
             json!({"materials": forward, "transfer_function": material, "illumination":
             {"method": "convection_diffusion", "light_grid": 2.0, "light_bands": 6}}),
-            0.03,
+            0.06,
         ),
         ("clipped, with shadows", json!({"clip": {"box": [[0, 0, 0], [1, 0.6, 1]], "shadows": true}}), 0.05),
         ("clipped, without", json!({"clip": {"box": [[0, 0, 0], [1, 0.6, 1]], "shadows": false}}), 0.05),
     ] {
         let (l2, mean) = error(&single(patch), 256);
         eprintln!("{name}: relative L2 {l2:.4}, mean {mean:+.4}");
-        if l2 >= tolerance {
-            eprintln!("FAIL");
-        }
+        assert!(l2 < tolerance && mean.abs() < 0.03, "{name}: {l2} {mean}");
     }
 }
 
@@ -163,13 +161,13 @@ fn edits_equal_from_scratch() {
                     patch["clip"] =
                         json!({"box": [[0, 0, 0], [1, 0.4 + 0.6 * random(&mut state), 1]], "shadows": false})
                 }
-                _ => patch["lights"][1]["enabled"] = json!(next(&mut state) % 2 == 0),
+                _ => patch["lights"][1]["enabled"] = json!(next(&mut state).is_multiple_of(2)),
             }
             let snapshot = scene(&volume, patch.clone(), epoch);
             let size = target(SIZE[0], SIZE[1], 1);
             let mut renderer = renderer();
             // Now and then the next edit comes before the light is there.
-            if next(&mut state) % 3 == 0 {
+            if next(&mut state).is_multiple_of(3) {
                 let hasty = DrawRequest { snapshot: &snapshot, target: size, budget: Some(Duration::ZERO) };
                 renderer.draw(&mut view, &hasty).unwrap();
                 continue;
@@ -238,4 +236,22 @@ fn skipping_and_slices_change_no_bit() {
     assert!(calls > 4, "{calls}");
     draw(&mut renderer, &mut whole, &snapshot, size);
     assert_eq!(renderer.radiance(&sliced).unwrap(), renderer.radiance(&whole).unwrap());
+}
+
+#[test]
+fn lights_it_cannot_take_are_refused_in_words() {
+    let refused = |patch: Value| {
+        let snapshot = scene(&homogeneous([4; 3]), patch, 1);
+        render::check(&snapshot.scene).map_err(|error| error.field)
+    };
+    let around = json!([{"id": "sky", "type": "environment", "radiance": [1, 1, 1]}]);
+    assert_eq!(refused(json!({"lights": around})), Ok(()));
+    let single = json!({"lights": around, "scattering": {"orders": 1}});
+    assert_eq!(refused(single), Err("lights[sky].radiance".to_owned()));
+    let many: Vec<Value> = (0..17)
+        .map(
+            |i| json!({"id": format!("{i}"), "type": "point", "position": [0, 0, 1], "intensity": [1, 1, 1]}),
+        )
+        .collect();
+    assert_eq!(refused(json!({"lights": many})), Err("lights".to_owned()));
 }

@@ -5,6 +5,7 @@ use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 use glam::DVec3;
+use proto::FieldError;
 use proto::scene_file::{Diffusion as Kind, Illumination, LightTransport, Orders};
 use scene::changes::LightChange;
 use scene::light::LightGeometry;
@@ -130,6 +131,28 @@ fn kind_of(scene: &Scene) -> Kind {
     match scene.orders {
         Orders::AtMost(1) => Kind::None,
         _ => scene.illumination.diffusion,
+    }
+}
+
+/// Refuses lights that the method does not take, in words. Environment images are refused elsewhere.
+///
+/// # Errors
+/// The field that asks for it.
+pub(crate) fn check(scene: &Scene) -> Result<(), FieldError> {
+    let count = carried(scene).count();
+    if count > MAX_FIELD_LIGHTS {
+        let message =
+            format!("`convection_diffusion` takes at most {MAX_FIELD_LIGHTS} lights; there are {count}");
+        return Err(FieldError::new("lights", message));
+    }
+    let around = scene.lights.iter().find(|light| light.geometry == LightGeometry::UniformEnvironment);
+    match around {
+        Some(light) if kind_of(scene) != Kind::P1 => {
+            let message = "`convection_diffusion` takes light from all around only where it is diffused: \
+                           with `scattering.orders` above 1 and `illumination.diffusion` `p1`";
+            Err(FieldError::new(format!("lights[{}].radiance", light.id), message))
+        }
+        _ => Ok(()),
     }
 }
 

@@ -12,4 +12,4 @@ mod tests;
 mod transport;
 mod upwind;
 
-pub(crate) use field::{ConvectionDiffusion, Pipelines};
+pub(crate) use field::{ConvectionDiffusion, Pipelines, check};

@@ -170,7 +170,7 @@ pub fn check(scene: &Scene) -> Result<(), FieldError> {
         if !scene.rendering.is_lit() {
             return Ok(());
         }
-        let Some(light) = scene.lights.iter().find(image) else { return Ok(()) };
+        let Some(light) = scene.lights.iter().find(image) else { return check_method(scene) };
         let who = match scene.rendering {
             Rendering::Isosurface { .. } => "an isosurface".to_owned(),
             _ => format!("`{}`", scene.method.name()),
@@ -181,6 +181,14 @@ pub fn check(scene: &Scene) -> Result<(), FieldError> {
     let built: Vec<&str> = METHODS_BUILT.iter().map(|method| method.name()).collect();
     let message = format!("`{}` is not built yet; available: {}", scene.method.name(), built.join(", "));
     Err(FieldError::new("illumination.method", message))
+}
+
+/// What a method that computes light ahead does not take.
+fn check_method(scene: &Scene) -> Result<(), FieldError> {
+    match scene.method {
+        Method::ConvectionDiffusion if scene.has_light_field() => convection_diffusion::check(scene),
+        _ => Ok(()),
+    }
 }
 
 impl Renderer {
