@@ -2,6 +2,7 @@
 // rays read (README.md, equations 15 to 17).
 
 @group(0) @binding(21) var field_out: texture_storage_3d<rgba16float, write>;
+@group(0) @binding(24) var matter: texture_3d<f32>;
 @group(0) @binding(31) var<storage, read_write> flows: array<vec4f>;
 @group(0) @binding(35) var<storage, read_write> solution: array<vec4f>;
 @group(0) @binding(41) var<uniform> compose: Compose;
@@ -43,7 +44,7 @@ fn compose_field(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_
         }
     }
     if diffusion == 1u {
-        radiance[0] += diffused(cell, index) * Y_0;
+        radiance[0] += seen_of(diffused(cell, index), cell, radiance[0] / Y_0) * Y_0;
         if bands > 1u {
             // L = (phi + 3 J . w) / 4 pi for light that travels along w, seen from where it comes.
             radiance[1] -= Y_1 * flux(cell, index, 1u);
@@ -79,6 +80,20 @@ fn diffused(cell: vec3u, index: u32) -> vec3f {
         }
     }
     return sum / max(count, 1.0);
+}
+
+// Of the diffused fluence in a cell of opaque matter what is seen of it, at its skin: what its own
+// profile has at the face, and what a half-space of this matter gives back of the light that enters
+// (`direct`, half of it is left where it was taken). Between optical depths of 2 and 8 one goes over
+// into the other (README.md, equation 16).
+fn seen_of(fluence: vec3f, cell: vec3u, direct: vec3f) -> vec3f {
+    let found = textureLoad(matter, vec3i(cell), 0);
+    let depth = found.w * (grid.cell_size.x + grid.cell_size.y + grid.cell_size.z) / 3.0;
+    let skin = smoothstep(2.0, 8.0, depth);
+    let albedo = 1.0 - found.xyz / max(found.w, 1e-20);
+    let k = sqrt(3.0 * max(1.0 - albedo, vec3f(0.0)));
+    let given_back = 3.5 * albedo / (1.0 + (2.36 + 1.8 * k) * k);
+    return mix(fluence, fluence / (1.0 + 0.75 * depth) + 2.0 * direct * given_back, skin);
 }
 
 // Flux -D dphi/dx along an axis: the mean over the cell's two faces.

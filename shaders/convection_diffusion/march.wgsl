@@ -9,6 +9,10 @@
 // transmittance over the cell around it.
 @group(0) @binding(27) var lines_out: texture_storage_3d<rg32float, write>;
 
+// Optical depth within a cell at which its light is taken, at most: ln 2. Of opaque matter no more is
+// seen than a skin, and the centre of a cell may lie far below it (README.md, equation 5).
+const DEEPEST_SEEN = 0.69314718;
+
 @compute @workgroup_size(8, 8)
 fn march_lines(@builtin(global_invocation_id) id: vec3u, @builtin(workgroup_id) group: vec3u) {
     always_zero = group.z;
@@ -29,7 +33,7 @@ fn march_lines(@builtin(global_invocation_id) id: vec3u, @builtin(workgroup_id) 
         let part = max(leave - enter, 0.0);
         let uvw = cell_coordinates(plane + 0.5, line_at(line, 0.5 * (enter + leave))) / vec3f(grid_cells());
         let sigma = textureSampleLevel(matter, linear_sampler, uvw, 0.0).w * metric;
-        let to_centre = clamp(plane + 0.5 - enter, 0.0, part) * sigma;
+        let to_centre = min(clamp(plane + 0.5 - enter, 0.0, part) * sigma, DEEPEST_SEEN);
         let across = part * sigma;
         let values = vec2f(depth + to_centre, depth + minus_log_mean(across));
         if inside { textureStore(lines_out, vec3u(lattice, i), vec4f(values, 0.0, 0.0)); }

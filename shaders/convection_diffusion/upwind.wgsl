@@ -22,8 +22,11 @@ struct Front {
 @group(0) @binding(24) var matter: texture_3d<f32>;
 @group(0) @binding(29) var<storage, read_write> transmittances: array<u32>;
 @group(0) @binding(43) var<uniform> front: Front;
-// Transmittance to each cell's centre, and its mean over the cell.
-@group(0) @binding(44) var<storage, read_write> densities: array<vec2f>;
+// Transmittance to each cell's centre, to where its light is taken (march.wgsl), and its mean over the
+// cell.
+@group(0) @binding(44) var<storage, read_write> densities: array<vec4f>;
+
+const DEEPEST_SEEN = 0.69314718;
 
 override EXPLICIT: bool = false;
 
@@ -53,7 +56,7 @@ fn update(cell: vec3i) {
     var speeds = select(abs(direction) / front.cell_size, vec3f(0.0), own_layer);
     let sum = speeds.x + speeds.y + speeds.z;
     if sum <= 0.0 {
-        densities[index] = vec2f(1.0);
+        densities[index] = vec4f(1.0);
         return;
     }
     speeds /= sum;
@@ -83,7 +86,7 @@ fn update(cell: vec3i) {
         let kept = through * (1.0 - courant) / (courant + through * (1.0 - courant));
         value += kept * (densities[index].x - value);
     }
-    densities[index] = vec2f(value, enters * mean);
+    densities[index] = vec4f(value, select(value, enters * 0.5, 0.5 * depth > DEEPEST_SEEN), enters * mean, 0.0);
 }
 
 // On which axes the light stands within the grid.
@@ -99,5 +102,5 @@ fn index_at(cell: vec3i) -> u32 {
 fn pack_fronts(@builtin(global_invocation_id) id: vec3u) {
     if any(id >= front.cells) { return; }
     let index = index_at(vec3i(id));
-    transmittances[front.slot + index] = pack2x16unorm(clamp(densities[index], vec2f(0.0), vec2f(1.0)));
+    transmittances[front.slot + index] = pack2x16unorm(clamp(densities[index].yz, vec2f(0.0), vec2f(1.0)));
 }

@@ -198,6 +198,7 @@ impl Passes {
                 buffer_entry(4, composed.lights),
                 buffer_entry(20, &light.grid),
                 texture_entry(21, &composed.field.view),
+                texture_entry(24, &composed.matter.coefficients),
                 buffer_entry(29, composed.transmittances),
                 buffer_entry(31, flows),
                 buffer_entry(35, solution),

@@ -150,7 +150,7 @@ impl Upwind {
         }
         self.gpu.queue.write_buffer(&uniforms, 0, &bytes);
         // New buffers are zero: explicit steps begin in the dark.
-        let densities = storage(&self.gpu, "energy densities", 8 * cells.count())?;
+        let densities = storage(&self.gpu, "energy densities", 16 * cells.count())?;
         let group = self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("upwind"),
             layout: &self.layout,
