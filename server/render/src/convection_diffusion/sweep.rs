@@ -47,14 +47,16 @@ pub enum Source {
     At(DVec3),
 }
 
-/// Where a light's comes from; `None` for an environment. Area lights act from their centre.
+/// Where a light comes from; `None` for an environment. Area lights act from their centre.
 pub fn source_of(geometry: &LightGeometry, cells: &Cells) -> Option<Source> {
     let place = match geometry {
         LightGeometry::Directional { direction } => return Some(Source::Afar(*direction)),
         LightGeometry::Point { position } | LightGeometry::Spot { position, .. } => *position,
-        LightGeometry::Rectangle { center, .. }
-        | LightGeometry::Disk { center, .. }
-        | LightGeometry::Sphere { center, .. } => *center,
+        // A lamp under a ceiling shares a cell with it: its light sets out one cell in front of it.
+        LightGeometry::Rectangle { center, normal, .. } | LightGeometry::Disk { center, normal, .. } => {
+            *center + *normal * cells.size.max_element()
+        }
+        LightGeometry::Sphere { center, .. } => *center,
         LightGeometry::UniformEnvironment | LightGeometry::Environment { .. } => return None,
     };
     let from = cells.coordinates(place);

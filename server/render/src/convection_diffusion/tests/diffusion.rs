@@ -10,13 +10,28 @@ use crate::illumination::Inputs;
 fn diffused(snapshot: &Arc<Snapshot>) -> (Vec<f32>, Cells, u64) {
     let mut device = device();
     let device = &mut *device;
+    with_inputs(device, snapshot, |inputs, gpu| {
+        let mut light = ConvectionDiffusion::new(inputs).unwrap();
+        let mut counters = BTreeMap::new();
+        assert!(light.advance(inputs, None, &mut counters).unwrap().complete);
+        let bytes = gpu.read_buffer(light.solution().unwrap(), 16 * light.cells().count()).unwrap();
+        let values: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&bytes);
+        (values.iter().map(|v| v[0]).collect(), light.cells(), counters["light_iterations"])
+    })
+}
+
+/// Runs with what the method reads of a scene.
+fn with_inputs<T>(
+    device: &mut Device,
+    snapshot: &Arc<Snapshot>,
+    run: impl FnOnce(&Inputs<'_>, &Gpu) -> T,
+) -> T {
     let mut view = View::new();
     let target = Target { width: 8, height: 8, samples_per_pixel: 1 };
     device
         .renderer
         .draw(&mut view, &DrawRequest { snapshot: &local(snapshot), target, budget: None })
         .unwrap();
-    let pipelines = Default::default();
     let inputs = Inputs {
         gpu: &device.gpu,
         snapshot,
@@ -25,14 +40,34 @@ fn diffused(snapshot: &Arc<Snapshot>) -> (Vec<f32>, Cells, u64) {
         lights: &view.lights.as_ref().unwrap().1,
         majorants: None,
         environment: None,
-        convection_diffusion: &pipelines,
+        convection_diffusion: &device.pipelines,
     };
-    let mut light = ConvectionDiffusion::new(&inputs).unwrap();
-    let mut counters = BTreeMap::new();
-    assert!(light.advance(&inputs, None, &mut counters).unwrap().complete);
-    let bytes = device.gpu.read_buffer(light.solution().unwrap(), 16 * light.cells().count()).unwrap();
-    let values: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&bytes);
-    (values.iter().map(|v| v[0]).collect(), light.cells(), counters["light_iterations"])
+    run(&inputs, &device.gpu)
+}
+
+/// Milliseconds of a scene's light from scratch with its iterations, then of a recoloured one, then of
+/// one with a light moved; in words.
+pub fn begin(device: &mut Device, [first, recolored]: &[Arc<Snapshot>; 2], moved: &Arc<Snapshot>) -> String {
+    let mut light: Option<ConvectionDiffusion> = None;
+    let mut words = Vec::new();
+    for snapshot in [first, first, recolored, moved] {
+        let fresh = Arc::new(Snapshot::clone(snapshot));
+        let time = with_inputs(device, &fresh, |inputs, gpu| {
+            gpu.wait().unwrap();
+            let began = std::time::Instant::now();
+            // The first run compiles; the second begins again.
+            let mut counters = BTreeMap::new();
+            if words.len() < 2 {
+                light = Some(ConvectionDiffusion::new(inputs).unwrap());
+            }
+            light.as_mut().unwrap().advance(inputs, None, &mut counters).unwrap();
+            gpu.wait().unwrap();
+            let millis = began.elapsed().as_secs_f64() * 1e3;
+            format!("{millis:.2} ms, {} iterations", counters.get("light_iterations").unwrap_or(&0))
+        });
+        words.push(time);
+    }
+    words[1..].join("; ")
 }
 
 /// The same scene by a method that needs no light field.
@@ -100,4 +135,28 @@ fn a_slab_follows_the_closed_form() {
         println!("albedo {albedo}: {worst:.5} of the largest, {iterations} iterations");
         assert!(worst < 0.01, "albedo {albedo}: {worst}");
     }
+}
+
+/// Nothing of the light is lost, none is negative, and walls keep it back.
+#[test]
+fn heat_keeps_its_energy_and_stays_positive() {
+    let found = |spread: f64| {
+        // A wall across the middle, opaque and black; light on one side of it.
+        let voxels: Vec<u8> = (0..20 * 12 * 12).map(|i| if i % 20 == 10 { 255 } else { 10 }).collect();
+        let patch = json!({"transfer_function": {"points": [{"s": 0.0, "extinction": 2, "albedo": [1, 1, 1]},
+                {"s": 0.5, "extinction": 2, "albedo": [1, 1, 1]}, {"s": 1.0, "extinction": 1e5, "albedo": [0, 0, 0]}]},
+            "lights": [{"type": "directional", "direction": [1, 0, 0], "irradiance": [1, 1, 1]}],
+            "illumination": {"method": "convection_diffusion", "diffusion": "heat", "light_grid": 1,
+                "heat_spread": spread, "max_residual": 1e-5}});
+        diffused(&snapshot([20, 12, 12], voxels, patch)).0
+    };
+    let (still, spread) = (found(0.0), found(0.1));
+    let sum = |light: &[f32]| light.iter().map(|&x| f64::from(x)).sum::<f64>();
+    assert!((sum(&spread) / sum(&still) - 1.0).abs() < 1e-3, "{} for {}", sum(&spread), sum(&still));
+    assert!(spread.iter().all(|&x| x > -1e-4));
+    let beyond = |light: &[f32]| {
+        light.iter().enumerate().filter(|(i, _)| i % 20 > 11).map(|(_, x)| f64::from(*x)).sum::<f64>()
+    };
+    assert!(beyond(&spread) < 1e-3 * sum(&spread), "{}", beyond(&spread));
+    assert!(spread.iter().zip(&still).any(|(a, b)| (a - b).abs() > 0.02), "light was spread");
 }

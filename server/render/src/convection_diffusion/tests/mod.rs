@@ -1,16 +1,19 @@
 //! Solvers against closed forms, on the device.
 
 mod diffusion;
+mod figures;
 mod transport;
 
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock};
 
 use glam::DVec3;
 use proto::SceneFile;
+use scene::light::LightGeometry;
 use scene::plan::Target;
 use scene::{PreparedVolume, Scene, Snapshot, Volume, Voxels};
 use serde_json::{Value, json};
 
+use super::Pipelines;
 use super::sweep::{Cells, sweeps};
 use super::transport::{Matter, Transport, storage};
 use super::upwind::Upwind;
@@ -22,6 +25,7 @@ struct Device {
     gpu: Arc<Gpu>,
     renderer: Renderer,
     transport: Transport,
+    pipelines: Pipelines,
 }
 
 fn device() -> MutexGuard<'static, Device> {
@@ -29,7 +33,8 @@ fn device() -> MutexGuard<'static, Device> {
     let device = DEVICE.get_or_init(|| {
         let gpu = Gpu::open(AdapterPolicy::Any).expect("a Vulkan device, hardware or software");
         let renderer = Renderer::new(gpu.clone()).expect("shaders compile");
-        Mutex::new(Device { transport: Transport::new(gpu.clone()), renderer, gpu })
+        let transport = Transport::new(gpu.clone());
+        Mutex::new(Device { transport, renderer, pipelines: Pipelines::default(), gpu })
     });
     device.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
 }
