@@ -9,17 +9,15 @@ const RR = 2u;
 const RZ = 3u;
 const BB = 4u;
 
+// Cells that one invocation of these passes goes over; SHARE in diffusion.rs. It adds up what it finds
+// on its own: barriers are what a software device is slowest at.
+const SHARE = 64u;
+
 var<workgroup> partial: array<vec4f, 64>;
 
-// Writes the sum over the workgroup as its partial sum.
-fn add_up(value: vec4f, group: vec3u, lane: u32) {
-    partial[lane] = value;
-    workgroupBarrier();
-    for (var half = 32u; half > 0u; half >>= 1u) {
-        if lane < half { partial[lane] += partial[lane + half]; }
-        workgroupBarrier();
-    }
-    if lane == 0u { sums[SUMS + group.y * GROUP_ROW + group.x] = partial[0]; }
+// Invocations of a pass that goes over shares.
+fn invocations() -> u32 {
+    return (level.count + SHARE - 1u) / SHARE;
 }
 
 fn quotient(a: vec4f, b: vec4f) -> vec4f {
@@ -29,68 +27,72 @@ fn quotient(a: vec4f, b: vec4f) -> vec4f {
 // r = b - A x; sums up b . b.
 @compute @workgroup_size(64)
 fn begin_solve(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
-    let index = index_in_level(group, lane);
-    var b = vec4f(0.0);
-    if index < level.count {
-        let cell = cell_in(index, level.cells);
-        let own = flows[index];
-        let value = solution[index];
-        b = residuals[index];
-        var rest = b - losses[index] * value;
-        for (var face = 0u; face < 6u; face++) {
-            let other = neighbour(cell, index, face);
-            if other.there { rest -= between(own, flows[other.index]) * other.weight * (value - solution[other.index]); }
-        }
-        residuals[index] = rest;
+    let place = index_in_level(group, lane);
+    let step = invocations();
+    var sum = vec4f(0.0);
+    if place >= step { return; }
+    for (var index = place; index < level.count; index += step) {
+        let near = around(cell_in(index, level.cells), index);
+        let flow = flows_around(flows[index], near);
+        let others = flow.x0 * solution[near.xs.x] + flow.x1 * solution[near.xs.y] + flow.y0 * solution[near.ys.x]
+            + flow.y1 * solution[near.ys.y] + flow.z0 * solution[near.zs.x] + flow.z1 * solution[near.zs.y];
+        let b = residuals[index];
+        residuals[index] = b - (losses[index] + sum_of(flow)) * solution[index] + others;
+        sum += b * b;
     }
-    add_up(b * b, group, lane);
+    sums[SUMS + place] = sum;
 }
 
 // A p; sums up p . A p.
 @compute @workgroup_size(64)
 fn apply_operator(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
-    let index = index_in_level(group, lane);
-    var product = vec4f(0.0);
-    if index < level.count {
-        let cell = cell_in(index, level.cells);
-        let own = flows[index];
+    let place = index_in_level(group, lane);
+    let step = invocations();
+    var sum = vec4f(0.0);
+    if place >= step { return; }
+    for (var index = place; index < level.count; index += step) {
+        let near = around(cell_in(index, level.cells), index);
+        let flow = flows_around(flows[index], near);
+        let others = flow.x0 * directions[near.xs.x] + flow.x1 * directions[near.xs.y] + flow.y0 * directions[near.ys.x]
+            + flow.y1 * directions[near.ys.y] + flow.z0 * directions[near.zs.x] + flow.z1 * directions[near.zs.y];
         let value = directions[index];
-        var image = losses[index] * value;
-        for (var face = 0u; face < 6u; face++) {
-            let other = neighbour(cell, index, face);
-            if other.there { image += between(own, flows[other.index]) * other.weight * (value - directions[other.index]); }
-        }
+        let image = (losses[index] + sum_of(flow)) * value - others;
         images[index] = image;
-        product = value * image;
+        sum += value * image;
     }
-    add_up(product, group, lane);
+    sums[SUMS + place] = sum;
 }
 
 // x and r one step on; sums up r . r.
 @compute @workgroup_size(64)
 fn step_on(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
-    let index = index_in_level(group, lane);
-    var rest = vec4f(0.0);
-    if index < level.count {
-        let length = quotient(sums[RZ], sums[P_AP]);
+    let place = index_in_level(group, lane);
+    let step = invocations();
+    var sum = vec4f(0.0);
+    if place >= step { return; }
+    let length = quotient(sums[RZ], sums[P_AP]);
+    for (var index = place; index < level.count; index += step) {
         solution[index] += length * directions[index];
-        rest = residuals[index] - length * images[index];
+        let rest = residuals[index] - length * images[index];
         residuals[index] = rest;
+        sum += rest * rest;
     }
-    add_up(rest * rest, group, lane);
+    sums[SUMS + place] = sum;
 }
 
 // Sums up r . z, or r . r.
 override WITH_ITSELF: bool = false;
 @compute @workgroup_size(64)
 fn correlate(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
-    let index = index_in_level(group, lane);
-    var product = vec4f(0.0);
-    if index < level.count {
+    let place = index_in_level(group, lane);
+    let step = invocations();
+    var sum = vec4f(0.0);
+    if place >= step { return; }
+    for (var index = place; index < level.count; index += step) {
         let rest = residuals[index];
-        if WITH_ITSELF { product = rest * rest; } else { product = rest * corrections[index]; }
+        if WITH_ITSELF { sum += rest * rest; } else { sum += rest * corrections[index]; }
     }
-    add_up(product, group, lane);
+    sums[SUMS + place] = sum;
 }
 
 // The next search direction.
@@ -106,9 +108,9 @@ fn turn(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) la
 override SUM: u32 = 0u;
 @compute @workgroup_size(64)
 fn sum_up(@builtin(local_invocation_index) lane: u32) {
-    let groups = (level.count + 63u) / 64u;
+    let partials = invocations();
     var sum = vec4f(0.0);
-    for (var i = lane; i < groups; i += 64u) { sum += sums[SUMS + i]; }
+    for (var i = lane; i < partials; i += 64u) { sum += sums[SUMS + i]; }
     partial[lane] = sum;
     workgroupBarrier();
     for (var half = 32u; half > 0u; half >>= 1u) {

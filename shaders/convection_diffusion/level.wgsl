@@ -35,7 +35,7 @@ struct Level {
 @group(0) @binding(35) var<storage, read_write> solution: array<vec4f>;
 @group(0) @binding(36) var<storage, read_write> directions: array<vec4f>;
 @group(0) @binding(37) var<storage, read_write> images: array<vec4f>;
-// SUMS sums, then one partial sum for each workgroup.
+// SUMS sums, then partial sums.
 @group(0) @binding(38) var<storage, read_write> sums: array<vec4f>;
 
 // Workgroups in a row of a dispatch; GROUP_ROW in transport.rs.
@@ -56,18 +56,55 @@ fn between(a: vec4f, b: vec4f) -> vec4f {
     return 2.0 * a * b / max(a + b, vec4f(1e-30));
 }
 
-// Neighbour `face` (-x, +x, -y, ...) of a cell, if it is there.
-struct Neighbour {
-    there: bool,
-    index: u32,
-    weight: f32,
+// The six neighbours of a cell, -x, +x, -y, ...: their places, and 1 / h^2 towards them, 0 where there
+// is none (its place is the cell's own). No loops and no branches: a software device takes every one of
+// them for all lanes.
+struct Around {
+    xs: vec2u,
+    ys: vec2u,
+    zs: vec2u,
+    x_weights: vec2f,
+    y_weights: vec2f,
+    z_weights: vec2f,
 }
 
-fn neighbour(cell: vec3u, index: u32, face: u32) -> Neighbour {
-    let axis = face >> 1u;
-    let strides = vec3u(1u, level.cells.x, level.cells.x * level.cells.y);
-    if (face & 1u) == 0u {
-        return Neighbour(cell[axis] > 0u, index - strides[axis], level.weights[axis]);
-    }
-    return Neighbour(cell[axis] + 1u < level.cells[axis], index + strides[axis], level.weights[axis]);
+fn around(cell: vec3u, at: u32) -> Around {
+    let below = vec3<bool>(cell > vec3u(0u));
+    let above = cell + 1u < level.cells;
+    let row = level.cells.x;
+    let layer = level.cells.x * level.cells.y;
+    let w = level.weights;
+    return Around(
+        vec2u(select(at, at - 1u, below.x), select(at, at + 1u, above.x)),
+        vec2u(select(at, at - row, below.y), select(at, at + row, above.y)),
+        vec2u(select(at, at - layer, below.z), select(at, at + layer, above.z)),
+        select(vec2f(0.0), w.xx, vec2<bool>(below.x, above.x)),
+        select(vec2f(0.0), w.yy, vec2<bool>(below.y, above.y)),
+        select(vec2f(0.0), w.zz, vec2<bool>(below.z, above.z)),
+    );
+}
+
+// G towards each neighbour.
+struct Flows {
+    x0: vec4f,
+    x1: vec4f,
+    y0: vec4f,
+    y1: vec4f,
+    z0: vec4f,
+    z1: vec4f,
+}
+
+fn flows_around(own: vec4f, near: Around) -> Flows {
+    return Flows(
+        between(own, flows[near.xs.x]) * near.x_weights.x,
+        between(own, flows[near.xs.y]) * near.x_weights.y,
+        between(own, flows[near.ys.x]) * near.y_weights.x,
+        between(own, flows[near.ys.y]) * near.y_weights.y,
+        between(own, flows[near.zs.x]) * near.z_weights.x,
+        between(own, flows[near.zs.y]) * near.z_weights.y,
+    );
+}
+
+fn sum_of(flow: Flows) -> vec4f {
+    return flow.x0 + flow.x1 + flow.y0 + flow.y1 + flow.z0 + flow.z1;
 }

@@ -7,28 +7,22 @@ fn restrict_residual(@builtin(workgroup_id) group: vec3u, @builtin(local_invocat
     if place >= level.coarse_count { return; }
     let first = cell_in(place, level.coarse_cells) * level.factors;
     var sum = vec4f(0.0);
-    for (var i = 0u; i < 8u; i++) {
-        let step = vec3u(i & 1u, (i >> 1u) & 1u, i >> 2u);
-        let cell = first + step;
-        if all(step < level.factors) && all(cell < level.cells) {
-            sum += left_over(cell);
+    for (var z = 0u; z < level.factors.z; z++) {
+        for (var y = 0u; y < level.factors.y; y++) {
+            for (var x = 0u; x < level.factors.x; x++) {
+                let cell = first + vec3u(x, y, z);
+                if all(cell < level.cells) { sum += left_over(cell); }
+            }
         }
     }
     residuals[level.coarse_offset + place] = sum / f32(level.factors.x * level.factors.y * level.factors.z);
 }
 
 fn left_over(cell: vec3u) -> vec4f {
-    let index = (cell.z * level.cells.y + cell.y) * level.cells.x + cell.x;
-    let at = level.offset + index;
-    let value = corrections[at];
-    let own = flows[at];
-    var rest = residuals[at] - losses[at] * value;
-    for (var face = 0u; face < 6u; face++) {
-        let other = neighbour(cell, index, face);
-        if other.there {
-            let there = level.offset + other.index;
-            rest -= between(own, flows[there]) * other.weight * (value - corrections[there]);
-        }
-    }
-    return rest;
+    let at = level.offset + (cell.z * level.cells.y + cell.y) * level.cells.x + cell.x;
+    let near = around(cell, at);
+    let flow = flows_around(flows[at], near);
+    let others = flow.x0 * corrections[near.xs.x] + flow.x1 * corrections[near.xs.y] + flow.y0 * corrections[near.ys.x]
+        + flow.y1 * corrections[near.ys.y] + flow.z0 * corrections[near.zs.x] + flow.z1 * corrections[near.zs.y];
+    return residuals[at] - (losses[at] + sum_of(flow)) * corrections[at] + others;
 }

@@ -13,17 +13,14 @@ fn smooth_level(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_i
     let half_cell = cell_in(place, halves);
     let cell = vec3u(2u * half_cell.x + ((half_cell.y + half_cell.z + COLOUR) & 1u), half_cell.yz);
     if cell.z >= level.cells.z || cell.x >= level.cells.x { return; }
-    let index = (cell.z * level.cells.y + cell.y) * level.cells.x + cell.x;
-    let own = flows[level.offset + index];
-    var diagonal = losses[level.offset + index];
-    var sum = residuals[level.offset + index];
-    for (var face = 0u; face < 6u; face++) {
-        let other = neighbour(cell, index, face);
-        if other.there {
-            let flow = between(own, flows[level.offset + other.index]) * other.weight;
-            diagonal += flow;
-            if !FROM_NOTHING { sum += flow * corrections[level.offset + other.index]; }
-        }
+    let at = level.offset + (cell.z * level.cells.y + cell.y) * level.cells.x + cell.x;
+    let near = around(cell, at);
+    let flow = flows_around(flows[at], near);
+    let diagonal = losses[at] + sum_of(flow);
+    var sum = residuals[at];
+    if !FROM_NOTHING {
+        sum += flow.x0 * corrections[near.xs.x] + flow.x1 * corrections[near.xs.y] + flow.y0 * corrections[near.ys.x]
+        + flow.y1 * corrections[near.ys.y] + flow.z0 * corrections[near.zs.x] + flow.z1 * corrections[near.zs.y];
     }
-    corrections[level.offset + index] = select(vec4f(0.0), sum / max(diagonal, vec4f(1e-30)), diagonal > vec4f(1e-20));
+    corrections[at] = select(vec4f(0.0), sum / max(diagonal, vec4f(1e-30)), diagonal > vec4f(1e-20));
 }

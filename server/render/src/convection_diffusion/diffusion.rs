@@ -16,6 +16,8 @@ use crate::uniforms::Level;
 const CELL_BYTES: u64 = 16;
 /// Sums before the partial ones; as in conjugate.wgsl.
 const SUMS: u64 = 8;
+/// Cells that one invocation adds up; as in conjugate.wgsl.
+const SHARE: u32 = 64;
 /// Places of sums in conjugate.wgsl.
 const P_AP: usize = 1;
 const RR: usize = 2;
@@ -124,7 +126,7 @@ pub fn levels(cells: &Cells) -> Vec<Level> {
 /// Bytes of the grids of a field.
 pub fn bytes_of(cells: &Cells) -> u64 {
     let all: u64 = levels(cells).iter().map(|level| u64::from(level.count)).sum();
-    CELL_BYTES * (4 * all + 3 * cells.count() + SUMS + cells.count().div_ceil(64))
+    CELL_BYTES * (4 * all + 3 * cells.count() + SUMS + cells.count().div_ceil(u64::from(SHARE)))
 }
 
 /// Bytes of the largest buffer of the grids of a field.
@@ -210,7 +212,7 @@ impl Diffusion {
         let solution = storage(gpu, "diffused light", finest)?;
         let directions = storage(gpu, "search directions", finest)?;
         let images = storage(gpu, "images of directions", finest)?;
-        let sums = storage(gpu, "sums", CELL_BYTES * (SUMS + cells.count().div_ceil(64)))?;
+        let sums = storage(gpu, "sums", CELL_BYTES * (SUMS + cells.count().div_ceil(u64::from(SHARE))))?;
         let bind = |level: &Level| {
             let told = uniform(gpu, "level", level)?;
             let buffers =
@@ -246,15 +248,15 @@ impl Diffusion {
     /// # Errors
     /// The device's.
     pub fn begin(&self, grids: &Grids) -> Result<Norms, RenderError> {
-        let count = grids.levels[0].count;
+        let shares = grids.levels[0].count.div_ceil(SHARE);
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         // No direction was taken before.
         encoder.clear_buffer(&grids.sums, 0, Some(SUMS * CELL_BYTES));
         self.gpu.queue.submit([encoder.finish()]);
         self.encode(|pass| {
-            run(pass, &self.begin, grids, 0, count);
+            run(pass, &self.begin, grids, 0, shares);
             run(pass, &self.sums[BB], grids, 0, 1);
-            run(pass, &self.measure, grids, 0, count);
+            run(pass, &self.measure, grids, 0, shares);
             run(pass, &self.sums[RR], grids, 0, 1);
         });
         self.norms(grids)
@@ -266,14 +268,15 @@ impl Diffusion {
     /// The device's.
     pub fn iterate(&self, grids: &Grids) -> Result<Norms, RenderError> {
         let count = grids.levels[0].count;
+        let shares = count.div_ceil(SHARE);
         self.encode(|pass| {
             self.cycle(pass, grids);
-            run(pass, &self.correlate, grids, 0, count);
+            run(pass, &self.correlate, grids, 0, shares);
             run(pass, &self.sums[RZ], grids, 0, 1);
             run(pass, &self.turn, grids, 0, count);
-            run(pass, &self.apply, grids, 0, count);
+            run(pass, &self.apply, grids, 0, shares);
             run(pass, &self.sums[P_AP], grids, 0, 1);
-            run(pass, &self.step, grids, 0, count);
+            run(pass, &self.step, grids, 0, shares);
             run(pass, &self.sums[RR], grids, 0, 1);
         });
         self.norms(grids)
