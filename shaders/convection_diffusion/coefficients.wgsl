@@ -11,6 +11,8 @@
 // Largest extinction that half floats hold, with room to spare. Matter this dense lets no light
 // through a cell of any grid.
 const LARGEST_EXTINCTION = 60000.0;
+// Of a point, so that sums stay finite.
+const MOST = 1e30;
 
 @compute @workgroup_size(64)
 fn light_coefficients(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
@@ -34,7 +36,7 @@ fn light_coefficients(@builtin(workgroup_id) group: vec3u, @builtin(local_invoca
                 let piece = piece_from(s, true, table_entry(s).point);
                 // Clipped matter is not there, or blocks light and scatters none.
                 let kept = is_kept(uvw);
-                let sigma_t = select(0.0, sigma_t_in(piece, s), kept || grid.clip_shadows == 1u);
+                let sigma_t = select(0.0, min(sigma_t_in(piece, s), MOST), kept || grid.clip_shadows == 1u);
                 let found = place_in(piece, s);
                 let material = materials[found.material];
                 let albedo = albedo_at(found);

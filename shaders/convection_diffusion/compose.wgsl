@@ -12,8 +12,8 @@ struct Compose {
     bands: u32,
     // 0 direct light alone, 1 and P1's, 2 what the heat flow made of it.
     diffusion: u32,
-    inverse_scale: f32,
     pad0: u32,
+    pad1: u32,
 }
 
 const MAX_COEFFICIENTS = 36u;
@@ -54,7 +54,7 @@ fn compose_field(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_
     }
     for (var k = 0u; k < coefficients; k++) {
         let tile = vec3u(k % bands, 0u, k / bands) * grid.cells;
-        let value = clamp(radiance[k] * compose.inverse_scale, vec3f(-LARGEST), vec3f(LARGEST));
+        let value = clamp(radiance[k], vec3f(-LARGEST), vec3f(LARGEST));
         if place < grid.count { textureStore(field_out, cell + tile, vec4f(value, 1.0)); }
     }
 }

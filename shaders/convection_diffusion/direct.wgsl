@@ -8,9 +8,14 @@ const MAX_FIELD_LIGHTS = 16u;
 
 // Mirrored by `Sources` in server/render/src/uniforms.rs.
 struct Sources {
-    // Radiance from all around.
+    // Radiance from all around, in the field's unit.
     ambient: vec3f,
     count: u32,
+    // 1 / the radiance that the field holds as 1: here and in all that follows, light is in this unit.
+    inverse_scale: f32,
+    pad0: u32,
+    pad1: u32,
+    pad2: u32,
     // Of light i in `lights`: where its transmittances begin, in x.
     slots: array<vec4u, MAX_FIELD_LIGHTS>,
 }
@@ -37,5 +42,6 @@ fn direct_light(i: u32, cell: vec3u, index: u32) -> Direct {
     }
     let incident = incident_light(i, x);
     let shares = unpack2x16unorm(transmittances[sources.slots[i].x + index]);
-    return Direct(incident.w_i, incident.irradiance * shares.x, incident.irradiance * shares.y);
+    let arriving = incident.irradiance * sources.inverse_scale;
+    return Direct(incident.w_i, arriving * shares.x, arriving * shares.y);
 }

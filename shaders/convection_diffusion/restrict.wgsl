@@ -11,7 +11,9 @@ fn restrict_residual(@builtin(workgroup_id) group: vec3u, @builtin(local_invocat
         for (var y = 0u; y < level.factors.y; y++) {
             for (var x = 0u; x < level.factors.x; x++) {
                 let cell = first + vec3u(x, y, z);
-                if all(cell < level.cells) { sum += left_over(cell); }
+                // Black cells were smoothed last and have nothing left over.
+                let red = ((cell.x + cell.y + cell.z) & 1u) == 0u;
+                if red && all(cell < level.cells) { sum += left_over(cell); }
             }
         }
     }

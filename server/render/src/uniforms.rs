@@ -263,6 +263,10 @@ pub const MAX_FIELD_LIGHTS: usize = 16;
 pub struct Sources {
     pub ambient: [f32; 3],
     pub count: u32,
+    pub inverse_scale: f32,
+    pub pad0: u32,
+    pub pad1: u32,
+    pub pad2: u32,
     pub slots: [[u32; 4]; MAX_FIELD_LIGHTS],
 }
 
@@ -273,8 +277,8 @@ pub struct Sources {
 pub struct Compose {
     pub bands: u32,
     pub diffusion: u32,
-    pub inverse_scale: f32,
     pub pad0: u32,
+    pub pad1: u32,
 }
 
 /// `Heat` of shaders/convection_diffusion/heat.wgsl.
@@ -453,8 +457,8 @@ pub fn layouts() -> Vec<Layout> {
             Level { cells, offset, weights, count, coarse_cells, coarse_offset, factors, coarse_count }
         ),
         layout!("Front", Front { cells, front, cell_size, from_place, light, slot, start, pad0 }),
-        layout!("Sources", Sources { ambient, count, slots }),
-        layout!("Compose", Compose { bands, diffusion, inverse_scale, pad0 }),
+        layout!("Sources", Sources { ambient, count, inverse_scale, pad0, pad1, pad2, slots }),
+        layout!("Compose", Compose { bands, diffusion, pad0, pad1 }),
         layout!("Heat", Heat { spread, pad0, pad1, pad2 }),
         layout!("Restart", Restart { image, bins }),
         layout!("ToneMap", ToneMap { exposure, operator_id, pixel_count, pad0 }),

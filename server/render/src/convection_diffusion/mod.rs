@@ -4,6 +4,7 @@
 mod diffusion;
 mod field;
 mod passes;
+mod settings;
 mod stale;
 mod sweep;
 #[cfg(test)]
@@ -12,4 +13,5 @@ mod tests;
 mod transport;
 mod upwind;
 
-pub(crate) use field::{ConvectionDiffusion, Pipelines, check};
+pub(crate) use field::{ConvectionDiffusion, Pipelines};
+pub(crate) use settings::check;

@@ -73,8 +73,6 @@ pub struct Composed<'a> {
     pub field: &'a LightField,
     /// How light is diffused.
     pub kind: Kind,
-    /// The radiance that the field holds as 1.
-    pub scale: f32,
 }
 
 impl Passes {
@@ -90,13 +88,20 @@ impl Passes {
     }
 
     /// What the passes are told of a scene whose lights' transmittances begin at `slots`, over all
-    /// cells.
+    /// cells; light is told in units of `scale`.
     ///
     /// # Errors
     /// Out of memory.
-    pub fn light(&self, cells: &Cells, scene: &Scene, slots: &[u32]) -> Result<Light, RenderError> {
+    pub fn light(
+        &self,
+        cells: &Cells,
+        scene: &Scene,
+        slots: &[u32],
+        scale: f64,
+    ) -> Result<Light, RenderError> {
         let mut sources = Sources {
-            ambient: tables::vector(tables::ambient(scene)),
+            ambient: tables::vector(tables::ambient(scene) / scale),
+            inverse_scale: (1.0 / scale) as f32,
             count: slots.len().min(MAX_FIELD_LIGHTS) as u32,
             ..Sources::default()
         };
@@ -182,8 +187,7 @@ impl Passes {
                 Kind::P1 => 1,
                 Kind::Heat => 2,
             },
-            inverse_scale: 1.0 / composed.scale,
-            pad0: 0,
+            ..Compose::default()
         };
         let told = uniform(&self.gpu, "compose", &told)?;
         // Without diffusion nothing of these is read.

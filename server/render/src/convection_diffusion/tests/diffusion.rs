@@ -16,7 +16,11 @@ fn diffused(snapshot: &Arc<Snapshot>) -> (Vec<f32>, Cells, u64) {
         assert!(light.advance(inputs, None, &mut counters).unwrap().complete);
         let bytes = gpu.read_buffer(light.solution().unwrap(), 16 * light.cells().count()).unwrap();
         let values: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&bytes);
-        (values.iter().map(|v| v[0]).collect(), light.cells(), counters["light_iterations"])
+        (
+            values.iter().map(|v| v[0] * light.scale() as f32).collect(),
+            light.cells(),
+            counters["light_iterations"],
+        )
     })
 }
 

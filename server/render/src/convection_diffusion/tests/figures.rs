@@ -13,7 +13,7 @@ use super::*;
 const EDGES: [u32; 5] = [16, 32, 64, 128, 256];
 
 fn edges(device: &Device) -> Vec<u32> {
-    let most = if device.gpu.info().software { 128 } else { 256 };
+    let most = if device.gpu.info().software { 64 } else { 256 };
     EDGES.into_iter().filter(|&edge| edge <= most).collect()
 }
 
