@@ -800,6 +800,48 @@ pub struct Illumination {
     /// `photon_map`: bands of spherical harmonics that hold the light where matter is not isotropic,
     /// 1..6.
     pub photon_bands: u32,
+    /// `convection_diffusion`: cells of the light grid along each axis for a voxel, 0.01..2.
+    pub light_grid: f64,
+    /// `convection_diffusion`: bands of spherical harmonics that tell from where light comes, 1..6; 1
+    /// is enough for isotropic matter without surfaces.
+    pub light_bands: u32,
+    /// `convection_diffusion`: how light is carried from its source.
+    pub transport: LightTransport,
+    /// `convection_diffusion`, explicit transport: steps in time of each front of cells, 1..100.
+    pub explicit_steps: u32,
+    /// `convection_diffusion`: what becomes of light that is scattered.
+    pub diffusion: Diffusion,
+    /// `convection_diffusion`, heat flow: how far light spreads in vacuum, world units, 0..1.
+    pub heat_spread: f64,
+    /// `convection_diffusion`: norm of the residual, as a share of that of the source, at which diffusion
+    /// is solved, 10^-5..0.5.
+    pub max_residual: f64,
+}
+
+/// How light is carried from its source over the grid, in method `convection_diffusion`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize, TS, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LightTransport {
+    /// Along lines that follow its directions: second order in the cell.
+    #[default]
+    Characteristics,
+    /// From cell to cell in order of dependence: first order, blurs shadows.
+    Upwind,
+    /// From cell to cell by steps in time, as published; for comparison.
+    Explicit,
+}
+
+/// What becomes of light that is scattered, in method `convection_diffusion`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize, TS, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Diffusion {
+    /// It follows the P1 approximation of light transport: right in thick matter that absorbs little.
+    #[default]
+    P1,
+    /// It spreads like heat for a while: soft light without a physical unit.
+    Heat,
+    /// It is lost: single scattering.
+    None,
 }
 
 impl Default for Illumination {
@@ -814,6 +856,13 @@ impl Default for Illumination {
             photon_events: 16,
             photon_grid: 48,
             photon_bands: 3,
+            light_grid: 0.5,
+            light_bands: 3,
+            transport: LightTransport::default(),
+            explicit_steps: 5,
+            diffusion: Diffusion::default(),
+            heat_spread: 0.05,
+            max_residual: 1e-3,
         }
     }
 }

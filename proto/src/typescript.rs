@@ -56,6 +56,8 @@ pub fn typescript() -> String {
         scene_file::Scattering,
         scene_file::Orders,
         scene_file::Illumination,
+        scene_file::LightTransport,
+        scene_file::Diffusion,
         scene_file::Method,
         scene_file::Sampling,
         scene_file::Interpolation,

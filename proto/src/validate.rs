@@ -39,6 +39,11 @@ pub(crate) fn scene(scene: &SceneFile) -> Checked {
     within("illumination.photon_events", f64::from(illumination.photon_events), 1.0, 256.0)?;
     within("illumination.photon_grid", f64::from(illumination.photon_grid), 4.0, 256.0)?;
     within("illumination.photon_bands", f64::from(illumination.photon_bands), 1.0, 6.0)?;
+    within("illumination.light_grid", illumination.light_grid, 0.01, 2.0)?;
+    within("illumination.light_bands", f64::from(illumination.light_bands), 1.0, 6.0)?;
+    within("illumination.explicit_steps", f64::from(illumination.explicit_steps), 1.0, 100.0)?;
+    within("illumination.heat_spread", illumination.heat_spread, 0.0, 1.0)?;
+    within("illumination.max_residual", illumination.max_residual, 1e-5, 0.5)?;
     let sampling = &scene.sampling;
     within("sampling.step_voxels", sampling.step_voxels, 1.0 / 16.0, 8.0)?;
     within("sampling.samples_per_pixel", f64::from(sampling.samples_per_pixel), 1.0, 4096.0)?;

@@ -13,6 +13,7 @@ import { gallerySteps } from "./steps/gallery.js";
 import { handleSteps } from "./steps/handles.js";
 import { journeySteps } from "./steps/journey.js";
 import { layoutSteps } from "./steps/layout.js";
+import { lightGridSteps } from "./steps/light-grid.js";
 import { lightSteps } from "./steps/lights.js";
 import { modeSteps } from "./steps/modes.js";
 import { planSteps } from "./steps/plan.js";
@@ -41,6 +42,7 @@ describe("the page in a real browser", () => {
   transferSteps();
   curveSteps();
   lightSteps();
+  lightGridSteps();
   environmentSteps();
   handleSteps();
   touchSteps();

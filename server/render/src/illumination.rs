@@ -9,6 +9,7 @@ use proto::scene_file::Method;
 use scene::Snapshot;
 use scene::plan::LightState;
 
+use crate::convection_diffusion::{self, ConvectionDiffusion};
 use crate::error::RenderError;
 use crate::gpu::Gpu;
 use crate::light_field::LightField;
@@ -50,10 +51,12 @@ pub(crate) struct Inputs<'a> {
     /// Lights by kind, with all of their geometry.
     pub lights: &'a LightTables,
     /// Bounds of the extinction, for methods that track paths.
+    #[allow(dead_code)]
     pub majorants: Option<&'a wgpu::TextureView>,
     /// The environment's image; a black texel without one.
     pub environment: Option<&'a EnvironmentTables>,
     pub photon_pipelines: &'a PhotonPipelines,
+    pub convection_diffusion: &'a convection_diffusion::Pipelines,
 }
 
 /// How far a method has got.
@@ -70,6 +73,7 @@ pub(crate) struct Progress {
 /// The methods that keep their light in a field.
 enum Lit {
     PhotonMap(Box<PhotonMap>),
+    ConvectionDiffusion(Box<ConvectionDiffusion>),
     /// A field from elsewhere.
     #[cfg(test)]
     Given(Box<LightField>),
@@ -144,7 +148,7 @@ impl Illumination {
     }
 
     pub fn field(&self) -> Option<&LightField> {
-        self.lit.as_ref().map(|(_, lit)| lit.field())
+        self.lit.as_ref().and_then(|(_, lit)| lit.field())
     }
 
     pub fn bytes(&self) -> u64 {
@@ -171,6 +175,9 @@ impl Lit {
     fn new(inputs: &Inputs<'_>) -> Result<Self, RenderError> {
         match inputs.snapshot.scene.method {
             Method::PhotonMap => Ok(Lit::PhotonMap(Box::new(PhotonMap::new(inputs)?))),
+            Method::ConvectionDiffusion => {
+                Ok(Lit::ConvectionDiffusion(Box::new(ConvectionDiffusion::new(inputs)?)))
+            }
             other => Err(RenderError::Gpu(format!("`{}` keeps no light", other.name()))),
         }
     }
@@ -185,20 +192,23 @@ impl Lit {
             Lit::PhotonMap(map) => map.advance(inputs, deadline, counters),
             #[cfg(test)]
             Lit::Given(_) => Ok(Progress { complete: true, completeness: 1.0, changed: true }),
+            Lit::ConvectionDiffusion(light) => light.advance(inputs, deadline, counters),
         }
     }
 
-    fn field(&self) -> &LightField {
+    fn field(&self) -> Option<&LightField> {
         match self {
-            Lit::PhotonMap(map) => map.field(),
+            Lit::PhotonMap(map) => Some(map.field()),
+            Lit::ConvectionDiffusion(light) => light.field(),
             #[cfg(test)]
-            Lit::Given(field) => field,
+            Lit::Given(field) => Some(field),
         }
     }
 
     fn bytes(&self) -> u64 {
         match self {
             Lit::PhotonMap(map) => map.bytes(),
+            Lit::ConvectionDiffusion(light) => light.bytes(),
             #[cfg(test)]
             Lit::Given(field) => field.bytes(),
         }

@@ -3,6 +3,7 @@
 //! A [`Renderer`] lives on the thread that owns submission; each viewer has a [`View`]. Drawing
 //! derives from the snapshots what has to run (see `scene::plan`) and advances by slices.
 
+mod convection_diffusion;
 mod device_clock;
 mod environment_map;
 mod error;

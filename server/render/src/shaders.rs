@@ -113,6 +113,65 @@ pub const FILL_FIELD: &str = parts!(
     "photon_map/fill.wgsl",
 );
 
+/// `light_coefficients`: matter in the cells of the light grid.
+pub const LIGHT_COEFFICIENTS: &str = parts!(
+    "shared/frame.wgsl",
+    "shared/medium.wgsl",
+    "convection_diffusion/grid.wgsl",
+    "convection_diffusion/coefficients.wgsl",
+);
+
+/// `march_lines`: optical depth along characteristics.
+pub const MARCH_LINES: &str = parts!(
+    "convection_diffusion/steering.wgsl",
+    "convection_diffusion/sweep.wgsl",
+    "convection_diffusion/march.wgsl",
+);
+
+/// `gather_lines`: from characteristics to cells.
+pub const GATHER_LINES: &str = parts!("convection_diffusion/sweep.wgsl", "convection_diffusion/gather.wgsl");
+
+/// `upwind_front`, `pack_fronts`: the upwind scheme.
+pub const UPWIND: &str = parts!("convection_diffusion/upwind.wgsl");
+
+/// Passes of the diffusion solver: `smooth_level`, `restrict_residual`, `prolong_correction`,
+/// `coarsen_level` and those of the conjugate gradients.
+pub const DIFFUSE: &str = parts!(
+    "convection_diffusion/level.wgsl",
+    "convection_diffusion/smooth.wgsl",
+    "convection_diffusion/restrict.wgsl",
+    "convection_diffusion/prolong.wgsl",
+    "convection_diffusion/coarsen.wgsl",
+    "convection_diffusion/conjugate.wgsl",
+);
+
+/// `p1_matter`.
+pub const P1_MATTER: &str = parts!("convection_diffusion/grid.wgsl", "convection_diffusion/p1.wgsl");
+
+macro_rules! with_direct_light {
+    ($($path:literal),+ $(,)?) => {
+        parts!(
+            "shared/features.wgsl",
+            "shared/frame.wgsl",
+            "shared/medium.wgsl",
+            "shared/phase.wgsl",
+            "shared/light.wgsl",
+            "convection_diffusion/grid.wgsl",
+            "convection_diffusion/direct.wgsl",
+            $($path),+
+        )
+    };
+}
+
+/// `p1_source`.
+pub const P1_SOURCE: &str = with_direct_light!("convection_diffusion/source.wgsl");
+
+/// `heat_matter`.
+pub const HEAT_MATTER: &str = with_direct_light!("convection_diffusion/heat.wgsl");
+
+/// `compose_field`.
+pub const COMPOSE_FIELD: &str = with_direct_light!("shared/sh.wgsl", "convection_diffusion/compose.wgsl");
+
 /// `tone_map`.
 pub const TONE_MAP: &str = parts!("film/tone_map.wgsl");
 
@@ -127,5 +186,14 @@ pub const ALL: &[(&str, &str)] = &[
     ("take_up", TAKE_UP),
     ("add_up_mass", ADD_UP_MASS),
     ("fill_field", FILL_FIELD),
+    ("light_coefficients", LIGHT_COEFFICIENTS),
+    ("march_lines", MARCH_LINES),
+    ("gather_lines", GATHER_LINES),
+    ("upwind", UPWIND),
+    ("diffuse", DIFFUSE),
+    ("p1_matter", P1_MATTER),
+    ("p1_source", P1_SOURCE),
+    ("heat_matter", HEAT_MATTER),
+    ("compose_field", COMPOSE_FIELD),
     ("tone_map", TONE_MAP),
 ];

@@ -234,6 +234,113 @@ pub struct Restart {
     pub bins: [u32; 2],
 }
 
+/// `LightGrid` of shaders/convection_diffusion/grid.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct LightGrid {
+    pub cells: [u32; 3],
+    pub first: u32,
+    pub cell_size: [f32; 3],
+    pub count: u32,
+    pub points: [u32; 3],
+    pub row: u32,
+    pub clip_shadows: u32,
+    pub pad0: u32,
+    pub pad1: u32,
+    pub pad2: u32,
+}
+
+/// `Sweep` of shaders/convection_diffusion/sweep.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct Sweep {
+    pub cells: [u32; 3],
+    pub axis: u32,
+    pub cell_size: [f32; 3],
+    pub forward: u32,
+    pub origin: [f32; 3],
+    pub from_place: u32,
+    pub base: [f32; 2],
+    pub spacing: [f32; 2],
+    pub slope: [f32; 2],
+    pub lines: [u32; 2],
+    pub first_plane: u32,
+    pub plane_count: u32,
+    pub start_plane: u32,
+    pub slot: u32,
+}
+
+/// `Front` of shaders/convection_diffusion/upwind.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct Front {
+    pub cells: [u32; 3],
+    pub front: u32,
+    pub cell_size: [f32; 3],
+    pub from_place: u32,
+    pub light: [f32; 3],
+    pub slot: u32,
+    pub start: [u32; 3],
+    pub pad0: u32,
+}
+
+/// `Level` of shaders/convection_diffusion/level.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct Level {
+    pub cells: [u32; 3],
+    pub offset: u32,
+    pub weights: [f32; 3],
+    pub count: u32,
+    pub coarse_cells: [u32; 3],
+    pub coarse_offset: u32,
+    pub factors: [u32; 3],
+    pub coarse_count: u32,
+}
+
+/// Most lights a light grid takes; as in shaders/convection_diffusion/direct.wgsl.
+pub const MAX_FIELD_LIGHTS: usize = 16;
+
+/// `Sources` of shaders/convection_diffusion/direct.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct Sources {
+    pub ambient: [f32; 3],
+    pub count: u32,
+    pub inverse_scale: f32,
+    pub pad0: u32,
+    pub pad1: u32,
+    pub pad2: u32,
+    pub slots: [[u32; 4]; MAX_FIELD_LIGHTS],
+}
+
+/// `Compose` of shaders/convection_diffusion/compose.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct Compose {
+    pub bands: u32,
+    pub diffusion: u32,
+    pub pad0: u32,
+    pub pad1: u32,
+}
+
+/// `Heat` of shaders/convection_diffusion/heat.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct Heat {
+    pub spread: f32,
+    pub pad0: u32,
+    pub pad1: u32,
+    pub pad2: u32,
+}
+
 /// `ToneMap` of shaders/film/tone_map.wgsl.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
@@ -397,6 +504,37 @@ pub fn layouts() -> Vec<Layout> {
             Fill { dims, everything, flux, turn, size_world, direct, flux_of_one, layers, pad0, pad1 }
         ),
         layout!("Mix", Mix { first_pixel, pixel_count, term_count, pad0, powers }),
+        layout!(
+            "LightGrid",
+            LightGrid { cells, first, cell_size, count, points, row, clip_shadows, pad0, pad1, pad2 }
+        ),
+        layout!(
+            "Sweep",
+            Sweep {
+                cells,
+                axis,
+                cell_size,
+                forward,
+                origin,
+                from_place,
+                base,
+                spacing,
+                slope,
+                lines,
+                first_plane,
+                plane_count,
+                start_plane,
+                slot,
+            }
+        ),
+        layout!(
+            "Level",
+            Level { cells, offset, weights, count, coarse_cells, coarse_offset, factors, coarse_count }
+        ),
+        layout!("Front", Front { cells, front, cell_size, from_place, light, slot, start, pad0 }),
+        layout!("Sources", Sources { ambient, count, inverse_scale, pad0, pad1, pad2, slots }),
+        layout!("Compose", Compose { bands, diffusion, pad0, pad1 }),
+        layout!("Heat", Heat { spread, pad0, pad1, pad2 }),
         layout!("Restart", Restart { image, bins }),
         layout!("ToneMap", ToneMap { exposure, operator_id, pixel_count, pad0 }),
     ]

@@ -505,7 +505,41 @@ photon_grid: number,
  * `photon_map`: bands of spherical harmonics that hold the light where matter is not isotropic,
  * 1..6.
  */
-photon_bands: number, };
+photon_bands: number, 
+/**
+ * `convection_diffusion`: cells of the light grid along each axis for a voxel, 0.01..2.
+ */
+light_grid: number, 
+/**
+ * `convection_diffusion`: bands of spherical harmonics that tell from where light comes, 1..6; 1
+ * is enough for isotropic matter without surfaces.
+ */
+light_bands: number, 
+/**
+ * `convection_diffusion`: how light is carried from its source.
+ */
+transport: LightTransport, 
+/**
+ * `convection_diffusion`, explicit transport: steps in time of each front of cells, 1..100.
+ */
+explicit_steps: number, 
+/**
+ * `convection_diffusion`: what becomes of light that is scattered.
+ */
+diffusion: Diffusion, 
+/**
+ * `convection_diffusion`, heat flow: how far light spreads in vacuum, world units, 0..1.
+ */
+heat_spread: number, 
+/**
+ * `convection_diffusion`: norm of the residual, as a share of that of the source, at which diffusion
+ * is solved, 10^-5..0.5.
+ */
+max_residual: number, };
+
+export type LightTransport = "characteristics" | "upwind" | "explicit";
+
+export type Diffusion = "p1" | "heat" | "none";
 
 export type Method = "local" | "convection_diffusion" | "image_based" | "precomputed_transfer" | "photon_map" | "path_traced";
 

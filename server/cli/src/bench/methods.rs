@@ -72,7 +72,7 @@ const fn photons(label: &'static str, patch: &'static str, quick: bool) -> Setti
 }
 
 /// Every method built.
-pub const LADDER: &[Entry] = &[LOCAL_ENTRY, PHOTON_MAP, PATH_TRACED];
+pub const LADDER: &[Entry] = &[LOCAL_ENTRY, CONVECTION_DIFFUSION, PHOTON_MAP, PATH_TRACED];
 
 const LOCAL_ENTRY: Entry = Entry {
     method: Method::Local,
@@ -131,6 +131,40 @@ const PHOTON_MAP: Entry = Entry {
         let photons = count("photons_recomputed");
         (photons > 0.0).then(|| count("throughput_cut_1024ths") / 1024.0 / photons)
     },
+};
+
+/// A step whose quality is that of the light grid, in front of view rays of usual quality.
+const fn light(label: &'static str, patch: &'static str, quick: bool) -> Setting {
+    Setting { label, step_voxels: 1.0, samples_per_pixel: 8, patch, quick }
+}
+
+const CONVECTION_DIFFUSION: Entry = Entry {
+    method: Method::ConvectionDiffusion,
+    judge: FULL,
+    settings: &[
+        light("grid 1/4", r#"{"illumination": {"light_grid": 0.25}}"#, true),
+        light("grid 1/2", r#"{"illumination": {"light_grid": 0.5}}"#, true),
+        light("grid 1", r#"{"illumination": {"light_grid": 1.0}}"#, false),
+        light(
+            "grid 1, residual 1e-4",
+            r#"{"illumination": {"light_grid": 1.0, "max_residual": 1e-4}}"#,
+            false,
+        ),
+        light("grid 1, 6 bands", r#"{"illumination": {"light_grid": 1.0, "light_bands": 6}}"#, false),
+        light("upwind, grid 1/2", r#"{"illumination": {"transport": "upwind"}}"#, false),
+        light("explicit, 5 steps", r#"{"illumination": {"transport": "explicit"}}"#, false),
+        light(
+            "explicit, 20 steps",
+            r#"{"illumination": {"transport": "explicit", "explicit_steps": 20}}"#,
+            false,
+        ),
+        light("heat flow", r#"{"illumination": {"diffusion": "heat"}}"#, true),
+        light("no diffusion", r#"{"illumination": {"diffusion": "none"}}"#, false),
+    ],
+    usual: 1,
+    noisy: false,
+    work: "light_cells_carried",
+    truncated: |_| None,
 };
 
 const PATH_TRACED: Entry = Entry {

@@ -26,6 +26,7 @@ pub(crate) struct LightField {
     /// Bands, 1..=6.
     pub bands: u32,
     /// `Rgba16Float`: coefficient k in tile (k % bands, k / bands) along x and z.
+    #[cfg_attr(not(test), allow(dead_code))]
     pub texture: wgpu::Texture,
     pub view: wgpu::TextureView,
     /// How much of each light reaches the texels, four lights a slab along z; `None`: what lights bring

@@ -16,6 +16,7 @@ use scene::light::LightGeometry;
 use scene::plan::{FilmPlan, Pass, Plan, SegmentsPlan, Target};
 use scene::{Integrator, Rendering, Scene, Snapshot};
 
+use crate::convection_diffusion;
 use crate::error::RenderError;
 use crate::film::ToneMapper;
 use crate::gpu::Gpu;
@@ -34,7 +35,8 @@ pub use tracing::PathEstimate;
 pub(crate) use tracing::PathFilm;
 
 /// Methods that can be drawn.
-pub const METHODS_BUILT: &[Method] = &[Method::Local, Method::PhotonMap, Method::PathTraced];
+pub const METHODS_BUILT: &[Method] =
+    &[Method::Local, Method::ConvectionDiffusion, Method::PhotonMap, Method::PathTraced];
 
 /// Light computed ahead may take this share of a call's budget; the rest is for the picture.
 const LIGHT_SHARE_OF_BUDGET: f64 = 0.5;
@@ -47,6 +49,7 @@ pub struct Renderer {
     path_tracer: Arc<PathTracer>,
     pub(crate) photon_pipelines: Arc<PhotonPipelines>,
     tone_mapper: ToneMapper,
+    convection_diffusion: convection_diffusion::Pipelines,
 }
 
 /// What is wanted of one call of [`Renderer::draw`].
@@ -172,7 +175,7 @@ pub fn check(scene: &Scene) -> Result<(), FieldError> {
         if !scene.rendering.is_lit() || scene.has_light_field() {
             return Ok(());
         }
-        let Some(light) = scene.lights.iter().find(image) else { return Ok(()) };
+        let Some(light) = scene.lights.iter().find(image) else { return check_method(scene) };
         let who = match scene.rendering {
             Rendering::Isosurface { .. } => "an isosurface".to_owned(),
             _ => format!("`{}`", scene.method.name()),
@@ -183,6 +186,14 @@ pub fn check(scene: &Scene) -> Result<(), FieldError> {
     let built: Vec<&str> = METHODS_BUILT.iter().map(|method| method.name()).collect();
     let message = format!("`{}` is not built yet; available: {}", scene.method.name(), built.join(", "));
     Err(FieldError::new("illumination.method", message))
+}
+
+/// What a method that computes light ahead does not take.
+fn check_method(scene: &Scene) -> Result<(), FieldError> {
+    match scene.method {
+        Method::ConvectionDiffusion if scene.has_light_field() => convection_diffusion::check(scene),
+        _ => Ok(()),
+    }
 }
 
 impl Renderer {
@@ -197,7 +208,16 @@ impl Renderer {
         let photon_pipelines = Arc::new(PhotonPipelines::new(gpu.clone()));
         let tone_mapper = ToneMapper::new(gpu.clone())?;
         gpu.take_error()?;
-        Ok(Self { gpu, volumes, ray_caster, path_tracer, photon_pipelines, tone_mapper })
+        let convection_diffusion = convection_diffusion::Pipelines::default();
+        Ok(Self {
+            gpu,
+            volumes,
+            ray_caster,
+            path_tracer,
+            photon_pipelines,
+            convection_diffusion,
+            tone_mapper,
+        })
     }
 
     /// Draws a few pixels with each common variant, so that no viewer waits for a compiler (the
@@ -335,6 +355,7 @@ impl Renderer {
             majorants: view.majorants.as_ref().map(|(_, map)| map),
             environment: view.environment.as_ref().map(|(_, tables)| tables),
             photon_pipelines: &self.photon_pipelines,
+            convection_diffusion: &self.convection_diffusion,
         })
     }
 

@@ -1,0 +1,17 @@
+//! Method `convection_diffusion`: light carried from each source over a grid, then spread by
+//! diffusion (shaders/convection_diffusion/README.md).
+
+mod diffusion;
+mod field;
+mod passes;
+mod settings;
+mod stale;
+mod sweep;
+#[cfg(test)]
+#[allow(clippy::unwrap_used, clippy::expect_used)]
+mod tests;
+mod transport;
+mod upwind;
+
+pub(crate) use field::{ConvectionDiffusion, Pipelines};
+pub(crate) use settings::check;

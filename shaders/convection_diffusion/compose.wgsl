@@ -1,0 +1,124 @@
+// Pass `compose_field`: direct light of all sources and diffused light as the light field that view
+// rays read (README.md, equations 15 to 17).
+
+@group(0) @binding(21) var field_out: texture_storage_3d<rgba16float, write>;
+@group(0) @binding(24) var matter: texture_3d<f32>;
+@group(0) @binding(31) var<storage, read_write> flows: array<vec4f>;
+@group(0) @binding(35) var<storage, read_write> solution: array<vec4f>;
+@group(0) @binding(41) var<uniform> compose: Compose;
+
+// Mirrored by `Compose` in server/render/src/uniforms.rs.
+struct Compose {
+    bands: u32,
+    // 0 direct light alone, 1 and P1's, 2 what the heat flow made of it.
+    diffusion: u32,
+    pad0: u32,
+    pad1: u32,
+}
+
+const MAX_COEFFICIENTS = 36u;
+// Of half floats, with room to spare.
+const LARGEST = 60000.0;
+// Y_00, and Y_1 by the component of a direction.
+const Y_0 = 0.28209479177;
+const Y_1 = 0.48860251190;
+
+@compute @workgroup_size(64)
+fn compose_field(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
+    always_zero = group.z;
+    let place = index_in_dispatch(group, lane);
+    let index = grid.first + min(place, grid.count - 1u);
+    let cell = cell_of(index);
+    let bands = steering(compose.bands);
+    let coefficients = bands * bands;
+    let diffusion = steering(compose.diffusion);
+    var radiance: array<vec3f, MAX_COEFFICIENTS>;
+    if diffusion == 2u {
+        radiance[0] = max(solution[index].xyz, vec3f(0.0)) * Y_0;
+    } else {
+        for (var i = 0u; i < steering(sources.count); i++) {
+            let direct = direct_light(i, cell, index);
+            for (var k = 0u; k < coefficients; k++) {
+                radiance[k] += direct.at_centre * spherical_harmonic(k, direct.w_i);
+            }
+        }
+    }
+    if diffusion == 1u {
+        radiance[0] += seen_of(diffused(cell, index), cell, radiance[0] / Y_0) * Y_0;
+        if bands > 1u {
+            // L = (phi + 3 J . w) / 4 pi for light that travels along w, seen from where it comes.
+            radiance[1] -= Y_1 * flux(cell, index, 1u);
+            radiance[2] -= Y_1 * flux(cell, index, 2u);
+            radiance[3] -= Y_1 * flux(cell, index, 0u);
+        }
+    }
+    for (var k = 0u; k < coefficients; k++) {
+        let tile = vec3u(k % bands, 0u, k / bands) * grid.cells;
+        let value = clamp(radiance[k], vec3f(-LARGEST), vec3f(LARGEST));
+        if place < grid.count { textureStore(field_out, cell + tile, vec4f(value, 1.0)); }
+    }
+}
+
+// Fluence of diffused light in a cell; beside matter what its profile, led on to the cell's centre,
+// would be there, so that interpolation meets the boundary's value at the face between them.
+fn diffused(cell: vec3u, index: u32) -> vec3f {
+    if flows[index].x > 0.0 { return max(solution[index].xyz, vec3f(0.0)); }
+    var sum = vec3f(0.0);
+    var count = 0.0;
+    for (var i = 0u; i < 27u; i++) {
+        let step = vec3i(vec3u(i % 3u, i / 3u % 3u, i / 9u)) - 1;
+        let other = vec3i(cell) + step;
+        if all(other >= vec3i(0)) && all(other < vec3i(grid.cells)) {
+            let there = index_of(vec3u(other));
+            let flow = flows[there].xyz;
+            if flow.x > 0.0 {
+                let h = length(vec3f(step) * grid.cell_size);
+                // phi at the face is phi 4 D / (h + 4 D); as far beyond it lies this cell.
+                sum += max(solution[there].xyz, vec3f(0.0)) * max(2.0 * (4.0 * flow / (h + 4.0 * flow)) - 1.0, vec3f(0.0));
+                count += 1.0;
+            }
+        }
+    }
+    return sum / max(count, 1.0);
+}
+
+// Of the diffused fluence in a cell of opaque matter what is seen of it, at its skin: what its own
+// profile has at the face, and what a half-space of this matter gives back of the light that enters
+// (`direct`, half of it is left where it was taken). Between optical depths of 2 and 8 one goes over
+// into the other (README.md, equation 16).
+fn seen_of(fluence: vec3f, cell: vec3u, direct: vec3f) -> vec3f {
+    let found = textureLoad(matter, vec3i(cell), 0);
+    let depth = found.w * (grid.cell_size.x + grid.cell_size.y + grid.cell_size.z) / 3.0;
+    let skin = smoothstep(2.0, 8.0, depth);
+    let albedo = 1.0 - found.xyz / max(found.w, 1e-20);
+    let k = sqrt(3.0 * max(1.0 - albedo, vec3f(0.0)));
+    let given_back = 3.5 * albedo / (1.0 + (2.36 + 1.8 * k) * k);
+    return mix(fluence, fluence / (1.0 + 0.75 * depth) + 2.0 * direct * given_back, skin);
+}
+
+// Flux -D dphi/dx along an axis: the mean over the cell's two faces.
+fn flux(cell: vec3u, index: u32, axis: u32) -> vec3f {
+    let own = flows[index];
+    if own.x <= 0.0 { return vec3f(0.0); }
+    let value = solution[index].xyz;
+    let h = grid.cell_size[axis];
+    var sum = vec3f(0.0);
+    for (var side = 0u; side < 2u; side++) {
+        let sign = select(-1.0, 1.0, side == 1u);
+        var other = vec3i(cell);
+        other[axis] += select(-1, 1, side == 1u);
+        var flow = vec4f(0.0);
+        var there = 0u;
+        if other[axis] >= 0 && other[axis] < i32(grid.cells[axis]) {
+            there = index_of(vec3u(other));
+            flow = 2.0 * own * flows[there] / max(own + flows[there], vec4f(1e-30));
+        }
+        if flow.x > 0.0 {
+            sum += sign * flow.xyz * (value - solution[there].xyz) / h;
+        } else {
+            // Marshak: what leaves, less what comes in.
+            sum += sign * (value - 4.0 * PI * sources.ambient) / (h / (2.0 * own.xyz) + 2.0);
+        }
+    }
+    return 0.5 * sum;
+}
