@@ -16,6 +16,7 @@ import { layoutSteps } from "./steps/layout.js";
 import { lightGridSteps } from "./steps/light-grid.js";
 import { lightSteps } from "./steps/lights.js";
 import { modeSteps } from "./steps/modes.js";
+import { photonSteps } from "./steps/photons.js";
 import { planSteps } from "./steps/plan.js";
 import { restartSteps } from "./steps/restart.js";
 import { returnSteps } from "./steps/return.js";
@@ -43,6 +44,7 @@ describe("the page in a real browser", () => {
   curveSteps();
   lightSteps();
   lightGridSteps();
+  photonSteps();
   environmentSteps();
   handleSteps();
   touchSteps();

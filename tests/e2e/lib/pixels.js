@@ -1,5 +1,6 @@
 /** Pictures as numbers. A picture is `{ width, height, data }`, rows from the top, RGBA bytes. */
 
+import { createHash } from "node:crypto";
 import { PNG } from "pngjs";
 
 export const pictureFromPng = (bytes) => {
@@ -63,4 +64,11 @@ export function difference(a, b) {
     most = Math.max(most, d);
   }
   return { mean: sum / (a.width * a.height * 3), most };
+}
+
+/** SHA-256 of a picture's size and colours. */
+export function hashOf({ width, height, data }) {
+  const colours = Buffer.from(data);
+  for (let at = 3; at < colours.length; at += 4) colours[at] = 255;
+  return createHash("sha256").update(`${width} ${height} `).update(colours).digest("hex");
 }

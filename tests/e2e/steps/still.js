@@ -1,16 +1,8 @@
 import assert from "node:assert/strict";
-import { createHash } from "node:crypto";
 import { readFile } from "node:fs/promises";
 import { FINAL_MILLIS } from "../lib/page.js";
-import { difference, isLit, pictureFromPng, region } from "../lib/pixels.js";
+import { difference, hashOf, isLit, pictureFromPng, region } from "../lib/pixels.js";
 import { sessionOf, step, theLetter, world } from "../lib/world.js";
-
-/** SHA-256 of a picture's size and colours. */
-function hashOf({ width, height, data }) {
-  const colours = Buffer.from(data);
-  for (let at = 3; at < colours.length; at += 4) colours[at] = 255;
-  return createHash("sha256").update(`${width} ${height} `).update(colours).digest("hex");
-}
 
 /** The exact picture is to be there so long after the last input, beside the time it takes to draw and encode, milliseconds. */
 const PROMISED_MILLIS = 250;

@@ -7,7 +7,8 @@ import { session } from "../session/engine";
 import { useSession } from "../session/store";
 import { hasLightGrid } from "./lightGrid";
 import { LightGridFields } from "./LightGridFields";
-import { isTraced, whyNotMixed, withoutEffect } from "./methods";
+import { hasPhotons, isTraced, whyNotMixed, withoutEffect } from "./methods";
+import { PhotonFields } from "./PhotonFields";
 
 const MAX_SAMPLES = 4096;
 const MAX_PATHS = 1 << 20;
@@ -41,12 +42,14 @@ export function QualityPanel() {
   const illumination = useSession((state) => state.scene?.illumination);
   const lights = useSession((state) => state.scene?.lights);
   const onGrid = useSession((state) => state.scene !== null && hasLightGrid(state.scene));
+  const photons = useSession((state) => state.scene !== null && hasPhotons(state.scene));
   const traced = useSession((state) => state.scene !== null && isTraced(state.scene));
   if (!sampling || !film || background === undefined || orders === undefined || illumination === undefined || lights === undefined) return null;
   const ordersLack = withoutEffect(illumination.method, "scattering orders");
   return (
     <Section id="quality" title="Quality" fields={["sampling", "film", "background", "volume", "scattering", "illumination"]}>
       {traced ? <PathFields illumination={illumination} lights={lights} /> : <RayFields sampling={sampling} />}
+      {photons && <PhotonFields illumination={illumination} />}
       {onGrid && <LightGridFields illumination={illumination} scatteredOnce={orders === 1} />}
       <Row label="Empty space" hint="Skips regions without matter; never changes the picture">
         <Switch checked={sampling.skip_empty} label="Skip" data-testid="skip-empty" onChange={(event) => session.edit({ sampling: { skip_empty: event.currentTarget.checked } })} />

@@ -25,6 +25,9 @@ export const labelOf = (method: Method): string => methodChoices.find((choice) =
 /** Whether paths make the picture: projections, slices and isosurfaces are cast by every method. */
 export const isTraced = ({ illumination, rendering }: Pick<SceneFile, "illumination" | "rendering">): boolean => illumination.method === "path_traced" && rendering.mode === "volume";
 
+/** Whether photons light the scene: other modes show data, or single places. */
+export const hasPhotons = ({ illumination, rendering }: Pick<SceneFile, "illumination" | "rendering">): boolean => illumination.method === "photon_map" && rendering.mode === "volume";
+
 /** Samples per pixel of a final picture. */
 export const samplesAtRest = (scene: SceneFile): number => (isTraced(scene) ? scene.illumination.paths_per_pixel : scene.sampling.samples_per_pixel);
 

@@ -22,11 +22,11 @@ export function skippedShare(report: FrameReport | null): number | null {
   return skipped / (skipped + taken);
 }
 
-/** Share of the pieces of the picture (view-ray segments, or tiles) that outlived the last edit, 0..1; null where none are kept. */
+/** Share of what is kept between edits (photons, tiles or view-ray segments) that outlived the last one, 0..1; null where nothing is. */
 export function reusedShare(report: FrameReport | null): number | null {
   const counters = report?.counters ?? {};
-  const reused = counters.tiles_reused ?? counters.segments_reused;
-  const redone = counters.tiles_recomputed ?? counters.segments_cast;
+  const reused = counters.photons_reused ?? counters.tiles_reused ?? counters.segments_reused;
+  const redone = counters.photons_recomputed ?? counters.tiles_recomputed ?? counters.segments_cast;
   if (reused === undefined || redone === undefined || reused + redone === 0) return null;
   return reused / (reused + redone);
 }
