@@ -94,6 +94,12 @@ pub mod limits {
     pub const MAX_PHOTONS: u32 = 1 << 24;
     /// Most scattering events of a path.
     pub const MAX_PATH_LENGTH: u32 = 1_000_000_000;
+    /// Records of method `image_based` along the longest edge.
+    pub const MAX_RECORDS: u32 = 100;
+    /// Directions that its records may look in.
+    pub const RECORD_DIRECTIONS: [u32; 4] = [12, 48, 192, 768];
+    /// Bands of spherical harmonics.
+    pub const MAX_BANDS: u32 = 6;
     /// Most segments a view ray is kept in.
     pub const MAX_SEGMENTS: u32 = 32;
     /// Coarsest level of a volume that can be asked for.
@@ -816,6 +822,18 @@ pub struct Illumination {
     /// `convection_diffusion`: norm of the residual, as a share of that of the source, at which diffusion
     /// is solved, 10^-5..0.5.
     pub max_residual: f64,
+    /// `image_based`: records along the longest edge of the volume's box, 2..100.
+    pub records: u32,
+    /// `image_based`: directions a record looks in: 12, 48, 192 or 768.
+    pub record_directions: u32,
+    /// `image_based`: bands of spherical harmonics, 1..6.
+    pub record_bands: u32,
+    /// `image_based`: what a record holds.
+    pub record_form: RecordForm,
+    /// `image_based`: how a sample in matter reads the records.
+    pub record_lookup: RecordLookup,
+    /// `image_based`: damps the higher bands of the light, against ringing.
+    pub record_window: bool,
 }
 
 /// How light is carried from its source over the grid, in method `convection_diffusion`.
@@ -844,6 +862,32 @@ pub enum Diffusion {
     None,
 }
 
+/// What a record of method `image_based` holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize, TS, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum RecordForm {
+    /// The product of transmittance and light, in bands; phase functions act band by band.
+    #[default]
+    Product,
+    /// The dot product of transmittance and light, each in bands; scattering is taken as isotropic.
+    Isotropic,
+    /// As `product`, with transmittance and light looked at in the centres of directions only.
+    Static,
+    /// As `isotropic`, with the phase function towards the camera; follows the camera.
+    Dynamic,
+}
+
+/// How records of method `image_based` are read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize, TS, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum RecordLookup {
+    /// Interpolated between eight records.
+    #[default]
+    Trilinear,
+    /// The record whose cell holds the sample.
+    Containing,
+}
+
 impl Default for Illumination {
     fn default() -> Self {
         Self {
@@ -863,6 +907,12 @@ impl Default for Illumination {
             diffusion: Diffusion::default(),
             heat_spread: 0.05,
             max_residual: 1e-3,
+            records: 32,
+            record_directions: 48,
+            record_bands: 3,
+            record_form: RecordForm::default(),
+            record_lookup: RecordLookup::default(),
+            record_window: false,
         }
     }
 }

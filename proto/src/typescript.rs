@@ -59,6 +59,8 @@ pub fn typescript() -> String {
         scene_file::LightTransport,
         scene_file::Diffusion,
         scene_file::Method,
+        scene_file::RecordForm,
+        scene_file::RecordLookup,
         scene_file::Sampling,
         scene_file::Interpolation,
         scene_file::Rendering,

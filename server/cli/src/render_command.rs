@@ -200,6 +200,11 @@ impl Session<'_> {
                 report[kind] = json!({"total": total, "reused": reused, "recomputed": recomputed});
             }
         }
+        if let Some(&total) = drawn.counters.get("records") {
+            let recomputed = count("records_renewed");
+            report["records"] =
+                json!({"total": total, "reused": total.saturating_sub(recomputed), "recomputed": recomputed});
+        }
         if let Some(PathEstimate { relative_error, cut }) = drawn.estimate {
             report["relative_error"] = json!(relative_error);
             report["throughput_cut"] = json!(cut);

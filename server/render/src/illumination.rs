@@ -12,6 +12,7 @@ use scene::plan::LightState;
 use crate::convection_diffusion::{self, ConvectionDiffusion};
 use crate::error::RenderError;
 use crate::gpu::Gpu;
+use crate::image_based::{self, ImageBased};
 use crate::light_field::LightField;
 use crate::photon_map::{PhotonMap, PhotonPipelines};
 use crate::view::{EnvironmentTables, LightTables, TransferFunctionTables};
@@ -53,6 +54,10 @@ pub(crate) struct Inputs<'a> {
     /// Bounds of the extinction, for methods that track paths.
     #[allow(dead_code)]
     pub majorants: Option<&'a wgpu::TextureView>,
+    /// Distances to matter, a byte per macrocell.
+    pub distance_map: Option<&'a wgpu::TextureView>,
+    /// Pipelines of method `image_based`.
+    pub record_passes: &'a Arc<image_based::Passes>,
     /// The environment's image; a black texel without one.
     pub environment: Option<&'a EnvironmentTables>,
     pub photon_pipelines: &'a PhotonPipelines,
@@ -73,6 +78,7 @@ pub(crate) struct Progress {
 /// The methods that keep their light in a field.
 enum Lit {
     PhotonMap(Box<PhotonMap>),
+    ImageBased(Box<ImageBased>),
     ConvectionDiffusion(Box<ConvectionDiffusion>),
     /// A field from elsewhere.
     #[cfg(test)]
@@ -164,6 +170,15 @@ impl Illumination {
         }
     }
 
+    /// The records, if that is the method.
+    #[cfg(test)]
+    pub fn image_based(&self) -> Option<&ImageBased> {
+        match &self.lit {
+            Some((_, Lit::ImageBased(records))) => Some(records),
+            _ => None,
+        }
+    }
+
     /// Takes a field from a test as the light of every scene with this method.
     #[cfg(test)]
     pub fn give(&mut self, method: Method, field: LightField) {
@@ -175,6 +190,9 @@ impl Lit {
     fn new(inputs: &Inputs<'_>) -> Result<Self, RenderError> {
         match inputs.snapshot.scene.method {
             Method::PhotonMap => Ok(Lit::PhotonMap(Box::new(PhotonMap::new(inputs)?))),
+            Method::ImageBased => {
+                Ok(Lit::ImageBased(Box::new(ImageBased::new(inputs.record_passes.clone()))))
+            }
             Method::ConvectionDiffusion => {
                 Ok(Lit::ConvectionDiffusion(Box::new(ConvectionDiffusion::new(inputs)?)))
             }
@@ -189,6 +207,7 @@ impl Lit {
         counters: &mut BTreeMap<String, u64>,
     ) -> Result<Progress, RenderError> {
         match self {
+            Lit::ImageBased(records) => records.advance(inputs, deadline, counters),
             Lit::PhotonMap(map) => map.advance(inputs, deadline, counters),
             #[cfg(test)]
             Lit::Given(_) => Ok(Progress { complete: true, completeness: 1.0, changed: true }),
@@ -198,6 +217,7 @@ impl Lit {
 
     fn field(&self) -> Option<&LightField> {
         match self {
+            Lit::ImageBased(records) => records.field(),
             Lit::PhotonMap(map) => Some(map.field()),
             Lit::ConvectionDiffusion(light) => light.field(),
             #[cfg(test)]
@@ -207,6 +227,7 @@ impl Lit {
 
     fn bytes(&self) -> u64 {
         match self {
+            Lit::ImageBased(records) => records.bytes(),
             Lit::PhotonMap(map) => map.bytes(),
             Lit::ConvectionDiffusion(light) => light.bytes(),
             #[cfg(test)]

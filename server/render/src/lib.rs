@@ -12,6 +12,7 @@ pub mod fit;
 mod frame;
 mod gpu;
 mod illumination;
+mod image_based;
 mod light_field;
 mod path_tracer;
 mod photon_map;

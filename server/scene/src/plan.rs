@@ -4,7 +4,7 @@
 //! scene. "Skip what a scene doesn't need" lives here and nowhere else.
 
 use proto::plan::PassReport;
-use proto::scene_file::Method;
+use proto::scene_file::{Method, RecordForm};
 
 use crate::changes::Changes;
 use crate::rendering::Rendering;
@@ -422,6 +422,10 @@ pub fn changes_of_light(old: &Scene, new: &Scene) -> Changes {
         clip: changes.clip && (clips(old) || clips(new)),
         clip_shadows: changes.clip_shadows,
         volume: changes.volume,
+        // Only the form of records that the paper has for media that change.
+        camera: changes.camera
+            && new.method == Method::ImageBased
+            && new.illumination.record_form == RecordForm::Dynamic,
         lights: changes.lights,
         orders: changes.orders,
         method: changes.method,
@@ -748,6 +752,26 @@ mod tests {
             "irradiance": [3, 3, 3]}]}));
         assert_eq!(plan(&brighter, true, true, 4), (true, FilmPlan::Restart));
         assert!(!Plan::new(&Caches::default(), &scene(&volume, json!({})), TARGET).runs(Pass::Illuminate));
+    }
+
+    #[test]
+    fn light_follows_the_camera_in_one_form_of_records_alone() {
+        let volume = volume();
+        let scene_with = |form: &str, x: f64| {
+            scene(
+                &volume,
+                json!({"illumination": {"method": "image_based", "record_form": form},
+                    "camera": {"position": [x, 0.0, 5.0], "target": [0.0, 0.0, 0.0], "up": [0.0, 1.0, 0.0]}}),
+            )
+        };
+        for (form, follows) in
+            [("product", false), ("isotropic", false), ("static", false), ("dynamic", true)]
+        {
+            let changes = changes_of_light(&scene_with(form, 0.0), &scene_with(form, 1.0));
+            assert_eq!(changes.is_empty(), !follows, "{form}");
+        }
+        let settings = changes_of_light(&scene_with("product", 0.0), &scene_with("static", 0.0));
+        assert_eq!(settings.in_words(), ["settings of the light"]);
     }
 
     #[test]

@@ -535,13 +535,41 @@ heat_spread: number,
  * `convection_diffusion`: norm of the residual, as a share of that of the source, at which diffusion
  * is solved, 10^-5..0.5.
  */
-max_residual: number, };
+max_residual: number, 
+/**
+ * `image_based`: records along the longest edge of the volume's box, 2..100.
+ */
+records: number, 
+/**
+ * `image_based`: directions a record looks in: 12, 48, 192 or 768.
+ */
+record_directions: number, 
+/**
+ * `image_based`: bands of spherical harmonics, 1..6.
+ */
+record_bands: number, 
+/**
+ * `image_based`: what a record holds.
+ */
+record_form: RecordForm, 
+/**
+ * `image_based`: how a sample in matter reads the records.
+ */
+record_lookup: RecordLookup, 
+/**
+ * `image_based`: damps the higher bands of the light, against ringing.
+ */
+record_window: boolean, };
 
 export type LightTransport = "characteristics" | "upwind" | "explicit";
 
 export type Diffusion = "p1" | "heat" | "none";
 
 export type Method = "local" | "convection_diffusion" | "image_based" | "precomputed_transfer" | "photon_map" | "path_traced";
+
+export type RecordForm = "product" | "isotropic" | "static" | "dynamic";
+
+export type RecordLookup = "trilinear" | "containing";
 
 export type Sampling = { 
 /**

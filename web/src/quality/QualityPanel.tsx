@@ -9,6 +9,7 @@ import { hasLightGrid } from "./lightGrid";
 import { LightGridFields } from "./LightGridFields";
 import { hasPhotons, isTraced, whyNotMixed, withoutEffect } from "./methods";
 import { PhotonFields } from "./PhotonFields";
+import { RecordFields } from "./RecordFields";
 
 const MAX_SAMPLES = 4096;
 const MAX_PATHS = 1 << 20;
@@ -43,14 +44,17 @@ export function QualityPanel() {
   const lights = useSession((state) => state.scene?.lights);
   const onGrid = useSession((state) => state.scene !== null && hasLightGrid(state.scene));
   const photons = useSession((state) => state.scene !== null && hasPhotons(state.scene));
+  const mode = useSession((state) => state.scene?.rendering.mode);
   const traced = useSession((state) => state.scene !== null && isTraced(state.scene));
   if (!sampling || !film || background === undefined || orders === undefined || illumination === undefined || lights === undefined) return null;
+  const keptInRecords = illumination.method === "image_based" && !traced && mode === "volume";
   const ordersLack = withoutEffect(illumination.method, "scattering orders");
   return (
     <Section id="quality" title="Quality" fields={["sampling", "film", "background", "volume", "scattering", "illumination"]}>
       {traced ? <PathFields illumination={illumination} lights={lights} /> : <RayFields sampling={sampling} />}
       {photons && <PhotonFields illumination={illumination} />}
       {onGrid && <LightGridFields illumination={illumination} scatteredOnce={orders === 1} />}
+      {keptInRecords && <RecordFields illumination={illumination} />}
       <Row label="Empty space" hint="Skips regions without matter; never changes the picture">
         <Switch checked={sampling.skip_empty} label="Skip" data-testid="skip-empty" onChange={(event) => session.edit({ sampling: { skip_empty: event.currentTarget.checked } })} />
       </Row>

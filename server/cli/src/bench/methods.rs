@@ -56,6 +56,9 @@ pub const FULL: Judge = Judge { name: "full", transport: Transport::Full, orders
 /// Single scattering without shadows.
 const LOCAL: Judge = Judge { name: "local", transport: Transport::Local, orders: None };
 
+/// Single scattering.
+const SINGLE: Judge = Judge { name: "single", transport: Transport::Full, orders: Some(1) };
+
 /// A step whose quality is that of view rays.
 const fn rays(label: &'static str, step_voxels: f64, samples_per_pixel: u32, quick: bool) -> Setting {
     Setting { label, step_voxels, samples_per_pixel, patch: "", quick }
@@ -72,7 +75,7 @@ const fn photons(label: &'static str, patch: &'static str, quick: bool) -> Setti
 }
 
 /// Every method built.
-pub const LADDER: &[Entry] = &[LOCAL_ENTRY, CONVECTION_DIFFUSION, PHOTON_MAP, PATH_TRACED];
+pub const LADDER: &[Entry] = &[LOCAL_ENTRY, CONVECTION_DIFFUSION, IMAGE_BASED, PHOTON_MAP, PATH_TRACED];
 
 const LOCAL_ENTRY: Entry = Entry {
     method: Method::Local,
@@ -164,6 +167,44 @@ const CONVECTION_DIFFUSION: Entry = Entry {
     usual: 1,
     noisy: false,
     work: "light_cells_carried",
+    truncated: |_| None,
+};
+
+const IMAGE_BASED: Entry = Entry {
+    method: Method::ImageBased,
+    judge: SINGLE,
+    settings: &[
+        light(
+            "16 records, 12 directions",
+            r#"{"illumination": {"records": 16, "record_directions": 12}}"#,
+            true,
+        ),
+        light("32 records, 48 directions", r#"{"illumination": {"records": 32}}"#, true),
+        light("50 records, 48 directions", r#"{"illumination": {"records": 50}}"#, false),
+        light(
+            "50 records, 192 directions",
+            r#"{"illumination": {"records": 50, "record_directions": 192}}"#,
+            false,
+        ),
+        light(
+            "50 records, 192 directions, 6 bands",
+            r#"{"illumination": {"records": 50, "record_directions": 192, "record_bands": 6}}"#,
+            false,
+        ),
+        light(
+            "as published, 32 records, 48 directions",
+            r#"{"illumination": {"records": 32, "record_form": "static", "record_lookup": "containing"}}"#,
+            false,
+        ),
+        light(
+            "as published, 50 records, 192 directions",
+            r#"{"illumination": {"records": 50, "record_directions": 192, "record_form": "static", "record_lookup": "containing"}}"#,
+            false,
+        ),
+    ],
+    usual: 0,
+    noisy: false,
+    work: "record_cells_taken",
     truncated: |_| None,
 };
 

@@ -32,6 +32,8 @@ pub(crate) struct LightField {
     /// How much of each light reaches the texels, four lights a slab along z; `None`: what lights bring
     /// by themselves is in the field.
     pub direct: Option<wgpu::TextureView>,
+    /// Whether a place takes the texel it lies in, instead of interpolating between texels.
+    pub nearest: bool,
     /// `Field` of the shader.
     pub uniform: wgpu::Buffer,
     gpu: Arc<Gpu>,
@@ -97,7 +99,8 @@ impl LightField {
         let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         let uniform = gpu.buffer("light field", std::mem::size_of::<uniforms::Field>() as u64, usage)?;
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
-        let field = Self { dims, bands, texture, view, direct: None, uniform, gpu: gpu.clone() };
+        let field =
+            Self { dims, bands, texture, view, direct: None, nearest: false, uniform, gpu: gpu.clone() };
         field.set_scale(1.0);
         Ok(field)
     }

@@ -21,6 +21,7 @@ use crate::error::RenderError;
 use crate::film::ToneMapper;
 use crate::gpu::Gpu;
 use crate::illumination::Inputs;
+use crate::image_based;
 use crate::path_tracer::{PathTracer, PathVariant};
 use crate::photon_map::PhotonPipelines;
 use crate::ray_cast::{RayCaster, Variant, WORKGROUP_EDGE};
@@ -31,12 +32,13 @@ use crate::view::{
 };
 use crate::volume_texture::{DEFAULT_GPU_BYTES, VolumeCache};
 use crate::warm_up::warm_up_scene;
+pub(crate) use casting::name_counters;
 pub use tracing::PathEstimate;
 pub(crate) use tracing::PathFilm;
 
 /// Methods that can be drawn.
 pub const METHODS_BUILT: &[Method] =
-    &[Method::Local, Method::ConvectionDiffusion, Method::PhotonMap, Method::PathTraced];
+    &[Method::Local, Method::ConvectionDiffusion, Method::ImageBased, Method::PhotonMap, Method::PathTraced];
 
 /// Light computed ahead may take this share of a call's budget; the rest is for the picture.
 const LIGHT_SHARE_OF_BUDGET: f64 = 0.5;
@@ -48,6 +50,7 @@ pub struct Renderer {
     ray_caster: Arc<RayCaster>,
     path_tracer: Arc<PathTracer>,
     pub(crate) photon_pipelines: Arc<PhotonPipelines>,
+    pub(crate) record_passes: Arc<image_based::Passes>,
     tone_mapper: ToneMapper,
     convection_diffusion: convection_diffusion::Pipelines,
 }
@@ -172,7 +175,8 @@ pub fn check(scene: &Scene) -> Result<(), FieldError> {
     }
     if METHODS_BUILT.contains(&scene.method) {
         // Projections and slices show data, not light.
-        if !scene.rendering.is_lit() || scene.has_light_field() {
+        let takes_images = matches!(scene.method, Method::ImageBased | Method::PhotonMap);
+        if !scene.rendering.is_lit() || takes_images && scene.has_light_field() {
             return Ok(());
         }
         let Some(light) = scene.lights.iter().find(image) else { return check_method(scene) };
@@ -205,6 +209,7 @@ impl Renderer {
         let volumes = Arc::new(VolumeCache::new(gpu.clone(), DEFAULT_GPU_BYTES));
         let ray_caster = Arc::new(RayCaster::new(gpu.clone()));
         let path_tracer = Arc::new(PathTracer::new(gpu.clone()));
+        let record_passes = Arc::new(image_based::Passes::new(gpu.clone()));
         let photon_pipelines = Arc::new(PhotonPipelines::new(gpu.clone()));
         let tone_mapper = ToneMapper::new(gpu.clone())?;
         gpu.take_error()?;
@@ -216,6 +221,7 @@ impl Renderer {
             path_tracer,
             photon_pipelines,
             convection_diffusion,
+            record_passes,
             tone_mapper,
         })
     }
@@ -353,6 +359,8 @@ impl Renderer {
             tables,
             lights,
             majorants: view.majorants.as_ref().map(|(_, map)| map),
+            distance_map: view.distance_map.as_ref().map(|(_, map)| map),
+            record_passes: &self.record_passes,
             environment: view.environment.as_ref().map(|(_, tables)| tables),
             photon_pipelines: &self.photon_pipelines,
             convection_diffusion: &self.convection_diffusion,
@@ -467,38 +475,13 @@ impl Renderer {
     ) -> Result<wgpu::TextureView, RenderError> {
         let size = wgpu::Extent3d { width, height, depth_or_array_layers: 1 };
         let dimension = wgpu::TextureDimension::D2;
-        self.texture(label, size, dimension, wgpu::TextureFormat::Rgba32Float, bytemuck::cast_slice(texels))
-    }
-
-    /// A texture with contents.
-    fn texture(
-        &self,
-        label: &str,
-        size: wgpu::Extent3d,
-        dimension: wgpu::TextureDimension,
-        format: wgpu::TextureFormat,
-        bytes: &[u8],
-    ) -> Result<wgpu::TextureView, RenderError> {
-        let descriptor = wgpu::TextureDescriptor {
-            label: Some(label),
+        self.gpu.filled_texture(
+            label,
             size,
-            mip_level_count: 1,
-            sample_count: 1,
             dimension,
-            format,
-            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
-            view_formats: &[],
-        };
-        let create = || self.gpu.device.create_texture(&descriptor);
-        let texture = self.gpu.allocating(label, bytes.len() as u64, create)?;
-        let rows = size.height * size.depth_or_array_layers;
-        let layout = wgpu::TexelCopyBufferLayout {
-            offset: 0,
-            bytes_per_row: Some(bytes.len() as u32 / rows),
-            rows_per_image: Some(size.height),
-        };
-        self.gpu.queue.write_texture(texture.as_image_copy(), bytes, layout, size);
-        Ok(texture.create_view(&wgpu::TextureViewDescriptor::default()))
+            wgpu::TextureFormat::Rgba32Float,
+            bytemuck::cast_slice(texels),
+        )
     }
 
     /// A uniform array with room for `capacity` values, as the shader declares it.
@@ -526,7 +509,7 @@ impl Renderer {
         let [width, height, depth] = cells.dims.map(|n| n as u32);
         let size = wgpu::Extent3d { width, height, depth_or_array_layers: depth };
         let dimension = wgpu::TextureDimension::D3;
-        self.texture(label, size, dimension, wgpu::TextureFormat::R8Uint, bytes)
+        self.gpu.filled_texture(label, size, dimension, wgpu::TextureFormat::R8Uint, bytes)
     }
 
     /// Makes the film the newest snapshot's: kept, refined or begun again.

@@ -44,6 +44,8 @@ fn with_inputs<T>(
         lights: &view.lights.as_ref().unwrap().1,
         majorants: None,
         environment: None,
+        distance_map: None,
+        record_passes: &device.renderer.record_passes.clone(),
         photon_pipelines: &device.renderer.photon_pipelines.clone(),
         convection_diffusion: &device.pipelines,
     };
