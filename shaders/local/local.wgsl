@@ -4,13 +4,9 @@
 // Scattered radiance towards w_o per unit of extinction: sigma_s * L_i / sigma_t. `gradient` is
 // that of s, world; where it vanishes the surface weight is 0.
 fn scattered_radiance(x: vec3f, w_o: vec3f, albedo: vec3f, material: Material, gradient: vec3f) -> vec3f {
-    // A change of s by a millionth per voxel is rounding noise.
-    let steepness = length(gradient);
-    let voxel = frame.size_world / frame.voxels;
-    let flat_field = steepness * min(voxel.x, min(voxel.y, voxel.z)) < 1e-6;
-    let surface = select(material.surface, 0.0, flat_field);
-    var n = gradient / max(steepness, 1e-20);
-    n = select(n, -n, dot(n, w_o) < 0.0);
+    let facing = surface_facing(w_o, material, gradient);
+    let n = facing.xyz;
+    let surface = facing.w;
 
     // Uniform ambient: the phase function integrates to 1, the BRDF to its reflectance.
     let reflected = albedo * material.ambient_diffuse + material.ambient_specular;
@@ -25,4 +21,14 @@ fn scattered_radiance(x: vec3f, w_o: vec3f, albedo: vec3f, material: Material, g
         sum += scattered * light.irradiance;
     }
     return sum;
+}
+
+// The surface's normal on the side of w_o, and its weight.
+fn surface_facing(w_o: vec3f, material: Material, gradient: vec3f) -> vec4f {
+    // A change of s by a millionth per voxel is rounding noise.
+    let steepness = length(gradient);
+    let voxel = frame.size_world / frame.voxels;
+    let flat_field = steepness * min(voxel.x, min(voxel.y, voxel.z)) < 1e-6;
+    let n = gradient / max(steepness, 1e-20);
+    return vec4f(select(n, -n, dot(n, w_o) < 0.0), select(material.surface, 0.0, flat_field));
 }

@@ -2,8 +2,6 @@
 // (README.md). An invocation works on one pixel: where its path has got to is kept between
 // dispatches, so that no dispatch is long, whatever the scene.
 
-override ENVIRONMENT_IMAGE: bool = true;
-
 // Mean radiance, and 1. Means, not sums: adding up what is always the same would drift.
 @group(0) @binding(5) var<storage, read_write> film: array<vec4f>;
 // Pairs of low and high words: tentative collisions, cells looked up, scattering events, shadow
@@ -19,17 +17,11 @@ override ENVIRONMENT_IMAGE: bool = true;
 @group(0) @binding(15) var<storage, read_write> tiles: array<atomic<u32>>;
 
 struct PathTracer {
-    // The environment map's axes in the world.
-    map_x: vec3f,
     seed: u32,
-    map_y: vec3f,
     // Paths each pixel shall have.
     wanted: u32,
-    map_z: vec3f,
     // Of one invocation: rays, and cells and tentative collisions.
     rays: u32,
-    // Factor of the image behind the volume; 0 without one.
-    backdrop: vec3f,
     steps: u32,
     source_count: u32,
     // Scattering events after which light is not followed.
@@ -306,13 +298,6 @@ fn scatter(path: ptr<function, Path>, pixel: vec2u, counts: ptr<function, vec4u>
 
 fn max_of(v: vec3f) -> f32 {
     return max(v.x, max(v.y, v.z));
-}
-
-fn seen_behind(direction: vec3f) -> vec3f {
-    // One of the two is black.
-    var radiance = frame.background;
-    if ENVIRONMENT_IMAGE { radiance += path_tracer.backdrop * image_radiance(direction); }
-    return radiance;
 }
 
 // Whether matter at a place is not clipped away.

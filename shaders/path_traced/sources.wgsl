@@ -2,8 +2,6 @@
 // outwards, rectangles and disks to their normal's side; lights do not block one another.
 
 @group(0) @binding(4) var<uniform> sources: array<Source, MAX_LIGHTS>;
-// Radiance, linear RGB, without the light's factor; rows from the top.
-@group(0) @binding(11) var environment: texture_2d<f32>;
 // For each texel: the share of draws that stay with it, the texel that takes the others, and the
 // density per steradian with which its directions are drawn (alias method; Walker 1977).
 @group(0) @binding(12) var environment_draws: texture_2d<f32>;
@@ -179,33 +177,6 @@ fn power_heuristic(chosen: f32, other: f32) -> f32 {
     return 1.0 / (1.0 + ratio * ratio);
 }
 
-// Column and row of the texel a direction lies in, as fractions 0..1.
-fn image_place(towards: vec3f) -> vec2f {
-    let map = vec3f(dot(path_tracer.map_x, towards), dot(path_tracer.map_y, towards),
-        dot(path_tracer.map_z, towards));
-    let turns = atan2(map.x, -map.z) / (2.0 * PI);
-    return vec2f(turns - floor(turns), atan2(length(map.xz), map.y) / PI);
-}
-
-// Bilinear between texel centres; columns wrap around, rows end.
-fn image_radiance(towards: vec3f) -> vec3f {
-    let size = vec2i(textureDimensions(environment));
-    let place = image_place(towards) * vec2f(size) - 0.5;
-    let low = floor(place);
-    let part = place - low;
-    // Lanes that do not take part may hold anything: they must not read beside the image, either.
-    let column = clamp(i32(low.x), -1, size.x - 1);
-    let columns = vec2i(select(column, size.x - 1, column < 0), select(column + 1, 0, column + 1 == size.x));
-    let rows = clamp(vec2i(i32(low.y)) + vec2i(0, 1), vec2i(0), vec2i(size.y - 1));
-    let above = mix(image_texel(columns.x, rows.x), image_texel(columns.y, rows.x), part.x);
-    let below = mix(image_texel(columns.x, rows.y), image_texel(columns.y, rows.y), part.x);
-    return mix(above, below, part.y);
-}
-
-fn image_texel(column: i32, row: i32) -> vec3f {
-    return textureLoad(environment, vec2i(column, row), 0).xyz;
-}
-
 fn image_density(towards: vec3f) -> f32 {
     let size = vec2i(textureDimensions(environment));
     let texel = clamp(vec2i(image_place(towards) * vec2f(size)), vec2i(0), size - 1);
@@ -232,7 +203,7 @@ fn towards_image(power: vec3f, bits: vec4u) -> Towards {
     let sine = 2.0 * sqrt(half_sine * (1.0 - half_sine));
     let azimuth = 2.0 * PI * (f32(column) + u.x) / f32(size.x);
     let map = vec3f(sine * sin(azimuth), cosine, -sine * cos(azimuth));
-    let w_i = normalize(map.x * path_tracer.map_x + map.y * path_tracer.map_y + map.z * path_tracer.map_z);
+    let w_i = normalize(map.x * frame.map_x + map.y * frame.map_y + map.z * frame.map_z);
     return Towards(w_i, FARTHEST, power * image_radiance(w_i) / density, density);
 }
 

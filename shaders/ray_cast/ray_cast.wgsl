@@ -78,12 +78,12 @@ fn add_to_counter(counter: u32, amount: u32) {
 // `keep`: whether what is found out about the pixel may be written down.
 fn seen(eye_ray: Ray, pixel_index: u32, keep: bool, counts: ptr<function, vec4u>) -> vec3f {
     let way = way_of(eye_ray);
-    if !way.meets { return frame.background; }
+    if !way.meets { return seen_behind(eye_ray.direction); }
     if MODE == VOLUME {
         (*counts).z += u32(cells_between(grid_of(way.ray), way.kept.x, way.kept.y));
         if KEEP_SEGMENTS { return through_segments(way, pixel_index, keep, counts); }
         let all = integrate(way, way.kept.x, way.kept.y, counts);
-        return all.xyz + select(all.w, 0.0, all.w < frame.termination) * frame.background;
+        return all.xyz + select(all.w, 0.0, all.w < frame.termination) * seen_behind(eye_ray.direction);
     }
     (*counts).z += u32(max(way.end - way.first, 0.0));
     if MODE == ISOSURFACE { return isosurface(way, counts); }
@@ -148,7 +148,12 @@ fn integrate(way: Way, from_t: f32, to_t: f32, counts: ptr<function, vec4u>) -> 
                 if SURFACES {
                     if material.surface > 0.0 { gradient = gradient_at(x / frame.size_world + 0.5); }
                 }
-                var source = scattered_radiance(x, w_o, albedo, material, gradient);
+                var source = vec3f(0.0);
+                if FIELD_BANDS > 0u {
+                    source = scattered_from_field(x, w_o, albedo, material, gradient);
+                } else {
+                    source = scattered_radiance(x, w_o, albedo, material, gradient);
+                }
                 if EMISSION { source += (1.0 - albedo) * emission_at(place); }
                 radiance += transmittance * (1.0 - through) * source;
                 transmittance *= through;

@@ -74,7 +74,7 @@ fn through_segments(way: Way, pixel_index: u32, keep: bool, counts: ptr<function
     if keep && !is_current {
         segments[sum_slot] = vec4u(bitcast<vec3u>(radiance), bitcast<u32>(transmittance) | KNOWN);
     }
-    return radiance + select(transmittance, 0.0, transmittance < frame.termination) * frame.background;
+    return radiance + select(transmittance, 0.0, transmittance < frame.termination) * seen_behind(way.ray.direction);
 }
 
 // Where segment i begins.

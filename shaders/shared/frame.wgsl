@@ -54,6 +54,16 @@ struct Frame {
     pad2: u32,
     // Slice: the points with dot(xyz, x) = w. Isosurface: w is its s, not clamped.
     surface: vec4f,
+    // The environment map's axes in the world.
+    map_x: vec3f,
+    pad3: u32,
+    map_y: vec3f,
+    pad4: u32,
+    map_z: vec3f,
+    pad5: u32,
+    // Factor of the image behind the volume; 0 without one.
+    backdrop: vec3f,
+    pad6: u32,
     // Each keeps dot(xyz, x) >= w; unit normals.
     planes: array<vec4f, 8>,
 }

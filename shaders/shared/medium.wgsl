@@ -42,6 +42,8 @@ struct Material {
     // of what is reflected, about.
     lobe_mass: f32,
     lobe_reflectance: f32,
+    // Factors of the bands of spherical harmonics: six of the phase function, six of the specular lobe.
+    bands: array<vec4f, 3>,
 }
 
 // A place on the transfer function: between point `lower` and the next, at share t.

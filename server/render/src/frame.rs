@@ -1,6 +1,6 @@
 //! What a dispatch of the ray caster is told of a scene.
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use scene::{Background, Rendering, Scene};
 
 use crate::tables;
@@ -44,11 +44,11 @@ pub(crate) fn frame_uniform(scene: &Scene, texture: &VolumeTexture, film: &FilmC
     for (slot, (normal, offset)) in planes.iter_mut().zip(&scene.clip.planes) {
         *slot = normal.extend(*offset).as_vec4().to_array();
     }
-    let background = match scene.background {
-        Background::Color(color) => color,
-        // Only with an environment image as a light, which `check` refuses.
-        Background::Image { .. } => DVec3::ZERO,
+    let (background, backdrop) = match &scene.background {
+        Background::Color(color) => (*color, DVec3::ZERO),
+        Background::Image { scale, .. } => (DVec3::ZERO, *scale),
     };
+    let map = scene.environment_image().map_or(DMat3::IDENTITY, |(_, world_from_map)| world_from_map);
     let (matter_cells, matter_range) = tables::matter_in_s(&scene.transfer_function);
     FrameUniform {
         eye: tables::vector(camera.eye),
@@ -84,6 +84,14 @@ pub(crate) fn frame_uniform(scene: &Scene, texture: &VolumeTexture, film: &FilmC
         pad1: 0,
         pad2: 0,
         surface: surface(scene),
+        map_x: tables::vector(map.x_axis),
+        pad3: 0,
+        map_y: tables::vector(map.y_axis),
+        pad4: 0,
+        map_z: tables::vector(map.z_axis),
+        pad5: 0,
+        backdrop: tables::vector(backdrop),
+        pad6: 0,
         planes,
     }
 }

@@ -121,6 +121,11 @@ impl Gpu {
         self.limits.max_storage_buffer_binding_size
     }
 
+    /// Longest edge of a 3D texture, texels.
+    pub(crate) fn max_texture_edge_3d(&self) -> u32 {
+        self.limits.max_texture_dimension_3d
+    }
+
     /// Limits and abilities that matter here, as name and value, for `tyndall doctor`.
     pub fn properties(&self) -> Vec<(&'static str, String)> {
         let mebibytes = |bytes: u64| format!("{} MiB", bytes >> 20);

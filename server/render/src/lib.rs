@@ -9,6 +9,8 @@ mod film;
 pub mod fit;
 mod frame;
 mod gpu;
+mod illumination;
+mod light_field;
 mod path_tracer;
 mod ray_cast;
 mod renderer;
@@ -27,6 +29,7 @@ mod warm_up;
 
 pub use error::RenderError;
 pub use gpu::{AdapterPolicy, Gpu};
+pub use illumination::Light;
 pub use renderer::{
     DrawRequest, Drawn, METHODS_BUILT, PathEstimate, Picture, Preparer, Radiance, Renderer, check,
 };

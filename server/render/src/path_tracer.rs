@@ -150,7 +150,7 @@ fn layout_entries() -> [wgpu::BindGroupLayoutEntry; 18] {
         entry(8, wgpu::BindingType::Sampler(wgpu::SamplerBindingType::NonFiltering)),
         entry(9, texture(D3, wgpu::TextureSampleType::Uint)),
         entry(10, write()),
-        entry(11, texture(D2, floats)),
+        entry(20, texture(D2, floats)),
         entry(12, texture(D2, floats)),
         entry(13, uniform()),
         entry(14, write()),

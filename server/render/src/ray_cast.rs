@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use proto::scene_file::{Brdf, Filter, Interpolation, Phase};
 use scene::light::LightGeometry;
-use scene::{Rendering, Scene};
+use scene::{Background, Rendering, Scene};
 
 use crate::gpu::Gpu;
 use crate::shaders;
@@ -28,6 +28,10 @@ pub struct Variant {
     pub quads: bool,
     /// Whether they are kept; `KEEP_SEGMENTS` in the shader.
     pub keep_segments: bool,
+    /// Bands of the light field; 0: there is none. `FIELD_BANDS` in the shader.
+    pub field_bands: u32,
+    /// Whether an image lies behind the volume; `ENVIRONMENT_IMAGE` in the shader.
+    pub image_behind: bool,
     /// What the scene uses.
     pub features: Features,
 }
@@ -46,8 +50,8 @@ pub struct Features {
 }
 
 impl Variant {
-    /// The cheapest variant that draws the scene, rays whole.
-    pub fn of(scene: &Scene, texture: &VolumeTexture) -> Self {
+    /// The cheapest variant that draws the scene, rays whole, in a light field of so many bands.
+    pub fn of(scene: &Scene, texture: &VolumeTexture, field_bands: u32) -> Self {
         let hardware = scene.sampling.interpolation == Interpolation::Sampler;
         Self {
             filter: match scene.filter {
@@ -66,6 +70,8 @@ impl Variant {
             segments: scene.sampling.segments.max(1),
             quads: texture.quads.is_some(),
             keep_segments: false,
+            field_bands,
+            image_behind: matches!(scene.background, Background::Image { .. }),
             features: if scene.rendering.is_lit() { Features::of(scene) } else { Features::default() },
         }
     }
@@ -136,6 +142,9 @@ pub struct Bindings {
     pub sampler: wgpu::Sampler,
     /// In place of view-ray segments where rays are cast whole.
     pub no_segments: wgpu::Buffer,
+    /// In place of a light field where there is none.
+    pub no_light: wgpu::TextureView,
+    pub light_sampler: wgpu::Sampler,
     pipeline_layout: wgpu::PipelineLayout,
 }
 
@@ -165,6 +174,8 @@ impl RayCaster {
             constants.push(("MODE", f64::from(variant.mode)));
             constants.push(("SEGMENTS", f64::from(variant.segments)));
             constants.push(("QUADS", f64::from(u8::from(variant.quads))));
+            constants.push(("FIELD_BANDS", f64::from(variant.field_bands)));
+            constants.push(("ENVIRONMENT_IMAGE", f64::from(u8::from(variant.image_behind))));
             constants.push(("KEEP_SEGMENTS", f64::from(u8::from(variant.keep_segments))));
             gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some("ray_cast"),
@@ -206,11 +217,34 @@ impl Bindings {
             usage: wgpu::BufferUsages::STORAGE,
             mapped_at_creation: false,
         });
-        Self { bind_group_layout, sampler, no_segments, pipeline_layout }
+        let no_light = device.create_texture(&wgpu::TextureDescriptor {
+            label: Some("no light field"),
+            size: wgpu::Extent3d::default(),
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D3,
+            format: wgpu::TextureFormat::Rgba16Float,
+            usage: wgpu::TextureUsages::TEXTURE_BINDING,
+            view_formats: &[],
+        });
+        let light_sampler = device.create_sampler(&wgpu::SamplerDescriptor {
+            label: Some("light field"),
+            mag_filter: wgpu::FilterMode::Linear,
+            min_filter: wgpu::FilterMode::Linear,
+            ..wgpu::SamplerDescriptor::default()
+        });
+        Self {
+            bind_group_layout,
+            sampler,
+            no_segments,
+            no_light: no_light.create_view(&wgpu::TextureViewDescriptor::default()),
+            light_sampler,
+            pipeline_layout,
+        }
     }
 }
 
-fn layout_entries(filtering: bool) -> [wgpu::BindGroupLayoutEntry; 13] {
+fn layout_entries(filtering: bool) -> [wgpu::BindGroupLayoutEntry; 17] {
     let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
         binding,
         visibility: wgpu::ShaderStages::COMPUTE,
@@ -245,5 +279,9 @@ fn layout_entries(filtering: bool) -> [wgpu::BindGroupLayoutEntry; 13] {
         entry(10, write()),
         entry(11, texture(wgpu::TextureSampleType::Uint)),
         entry(12, texture(wgpu::TextureSampleType::Float { filterable: false })),
+        entry(13, texture(wgpu::TextureSampleType::Float { filterable: true })),
+        entry(14, wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering)),
+        entry(15, buffer(wgpu::BufferBindingType::Uniform)),
+        entry(20, table()),
     ]
 }

@@ -86,13 +86,13 @@ impl Tested {
             bytemuck::cast_slice(&tables::sources(&self.scene)).to_vec(),
             tables::MAX_LIGHTS * std::mem::size_of::<uniforms::Source>(),
         );
-        let tracer = uniforms::PathTracer {
+        let frame = uniforms::FrameUniform {
             map_x: tables::vector(turned().x_axis),
             map_y: tables::vector(turned().y_axis),
             map_z: tables::vector(turned().z_axis),
-            ..uniforms::PathTracer::default()
+            ..bytemuck::Zeroable::zeroed()
         };
-        let tracer = buffer(bytemuck::bytes_of(&tracer), wgpu::BufferUsages::UNIFORM);
+        let frame = buffer(bytemuck::bytes_of(&frame), wgpu::BufferUsages::UNIFORM);
         let out = buffer(&vec![0; count * 16], wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC);
         let places: Vec<[f32; 4]> = places.iter().map(|w| w.as_vec3().extend(0.0).to_array()).collect();
         let places = buffer(bytemuck::cast_slice(&places), wgpu::BufferUsages::STORAGE);
@@ -104,8 +104,8 @@ impl Tested {
         let lights = entry_point.contains("light");
         let mut entries = vec![buffer_entry(18, &out)];
         if lights {
-            entries.extend([buffer_entry(4, &sources), buffer_entry(13, &tracer)]);
-            entries.extend([texture_entry(11, &radiance), texture_entry(12, &draws)]);
+            entries.extend([buffer_entry(4, &sources), buffer_entry(0, &frame)]);
+            entries.extend([texture_entry(20, &radiance), texture_entry(12, &draws)]);
         } else {
             entries.push(buffer_entry(3, &materials));
         }

@@ -6,7 +6,7 @@ macro_rules! parts {
     };
 }
 
-/// `ray_cast` with the `local` method.
+/// `ray_cast`, in the light of `local` or of a light field.
 pub const RAY_CAST: &str = parts!(
     "shared/features.wgsl",
     "shared/frame.wgsl",
@@ -15,6 +15,9 @@ pub const RAY_CAST: &str = parts!(
     "shared/phase.wgsl",
     "shared/brdf.wgsl",
     "shared/light.wgsl",
+    "shared/environment.wgsl",
+    "shared/sh.wgsl",
+    "shared/light_field.wgsl",
     "local/local.wgsl",
     "ray_cast/way.wgsl",
     "ray_cast/cells.wgsl",
@@ -33,6 +36,7 @@ pub const PATH_TRACE: &str = parts!(
     "shared/phase.wgsl",
     "shared/brdf.wgsl",
     "shared/random.wgsl",
+    "shared/environment.wgsl",
     "path_traced/sources.wgsl",
     "path_traced/scatter.wgsl",
     "path_traced/tracking.wgsl",

@@ -7,6 +7,7 @@ use proto::scene_file::{Brdf, Phase};
 use scene::Scene;
 use scene::light::{Light, LightGeometry};
 use scene::scattering::{ambient_reflectance, blinn_phong_normalisation};
+use scene::spherical::sh;
 use scene::transfer_function::TransferFunction;
 
 use crate::uniforms;
@@ -130,7 +131,16 @@ fn material(material: &scene::material::Material) -> uniforms::Material {
         lobe: lobe.map(|x| x as f32),
         lobe_mass: lobe_mass as f32,
         lobe_reflectance: lobe_reflectance as f32,
+        bands: bands(material),
     }
+}
+
+/// Factors of spherical-harmonic bands: six of the phase function, six of the specular lobe.
+fn bands(material: &scene::material::Material) -> [[f32; 4]; 3] {
+    let phase = sh::phase_bands(&material.phase);
+    let specular = sh::specular_bands(material.brdf.as_ref());
+    let factor = |i: usize| (if i < sh::MAX_BANDS { phase[i] } else { specular[i - sh::MAX_BANDS] }) as f32;
+    [0, 4, 8].map(|first| [0, 1, 2, 3].map(|i| factor(first + i)))
 }
 
 /// Integral of `(1 + b y)^-c` over y from 0 to 1.

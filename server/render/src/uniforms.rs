@@ -44,6 +44,14 @@ pub struct FrameUniform {
     pub pad1: u32,
     pub pad2: u32,
     pub surface: [f32; 4],
+    pub map_x: [f32; 3],
+    pub pad3: u32,
+    pub map_y: [f32; 3],
+    pub pad4: u32,
+    pub map_z: [f32; 3],
+    pub pad5: u32,
+    pub backdrop: [f32; 3],
+    pub pad6: u32,
     pub planes: [[f32; 4]; MAX_PLANES],
 }
 
@@ -63,6 +71,16 @@ pub struct Material {
     pub lobe: [f32; 2],
     pub lobe_mass: f32,
     pub lobe_reflectance: f32,
+    pub bands: [[f32; 4]; 3],
+}
+
+/// `Field` of shaders/shared/light_field.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct Field {
+    pub dims: [f32; 3],
+    pub scale: f32,
 }
 
 /// `Light` of shaders/shared/light.wgsl.
@@ -104,13 +122,9 @@ pub struct Source {
 #[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
 #[allow(missing_docs)]
 pub struct PathTracer {
-    pub map_x: [f32; 3],
     pub seed: u32,
-    pub map_y: [f32; 3],
     pub wanted: u32,
-    pub map_z: [f32; 3],
     pub rays: u32,
-    pub backdrop: [f32; 3],
     pub steps: u32,
     pub source_count: u32,
     pub orders: u32,
@@ -230,6 +244,14 @@ pub fn layouts() -> Vec<Layout> {
                 pad1,
                 pad2,
                 surface,
+                map_x,
+                pad3,
+                map_y,
+                pad4,
+                map_z,
+                pad5,
+                backdrop,
+                pad6,
                 planes,
             }
         ),
@@ -247,8 +269,10 @@ pub fn layouts() -> Vec<Layout> {
                 lobe,
                 lobe_mass,
                 lobe_reflectance,
+                bands,
             }
         ),
+        layout!("Field", Field { dims, scale }),
         layout!(
             "Light",
             Light { position, kind, direction, extent, power, cos_inner, cos_outer, pad0, pad1, pad2 }
@@ -260,13 +284,9 @@ pub fn layouts() -> Vec<Layout> {
         layout!(
             "PathTracer",
             PathTracer {
-                map_x,
                 seed,
-                map_y,
                 wanted,
-                map_z,
                 rays,
-                backdrop,
                 steps,
                 source_count,
                 orders,

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use scene::plan::{Caches, FilmState, SegmentsState, Target};
 use scene::{Integrator, Scene, Snapshot};
 
+use crate::illumination::{Illumination, Light};
 use crate::renderer::PathFilm;
 use crate::segments::Segments;
 use crate::volume_texture::VolumeTexture;
@@ -18,6 +19,8 @@ pub struct View {
     pub(crate) majorants: Option<(Arc<Snapshot>, wgpu::TextureView)>,
     pub(crate) lights: Option<(Arc<Snapshot>, LightTables)>,
     pub(crate) environment: Option<(Arc<Snapshot>, EnvironmentTables)>,
+    /// Light computed ahead.
+    pub(crate) light: Light,
     pub(crate) film: Option<FilmCache>,
     /// Snapshot and film state the tone-mapped picture shows.
     pub(crate) picture: Option<(Arc<Snapshot>, Target)>,
@@ -61,6 +64,8 @@ pub(crate) struct FilmCache {
     pub rows: u32,
     /// Whether its rays are cast in view-ray segments, which are kept.
     pub in_segments: bool,
+    /// State of the light ([`Illumination::version`]) when it was begun.
+    pub light_version: u64,
 }
 
 /// Buffers of fixed meaning; the film and the picture grow with the image.
@@ -79,6 +84,11 @@ impl View {
         Self::default()
     }
 
+    /// A view of a session's scene, in its light.
+    pub fn in_light(light: &Light) -> Self {
+        Self { light: light.clone(), ..Self::default() }
+    }
+
     /// A view of a scene that will be edited: view-ray segments are kept from the first picture
     /// on, not only from the first edit.
     pub fn for_edits() -> Self {
@@ -92,7 +102,13 @@ impl View {
     }
 
     /// What the plan of a picture has to know; `max_binding_bytes` is the device's.
-    pub(crate) fn caches(&self, scene: &Scene, target: Target, max_binding_bytes: u64) -> Caches<'_> {
+    pub(crate) fn caches<'a>(
+        &'a self,
+        light: &'a Illumination,
+        scene: &Scene,
+        target: Target,
+        max_binding_bytes: u64,
+    ) -> Caches<'a> {
         let size = (target.width, target.height);
         let segments = self.segments.state(size, scene.sampling.segments, max_binding_bytes);
         Caches {
@@ -108,6 +124,7 @@ impl View {
             majorants: self.majorants.as_ref().map(|(snapshot, _)| &snapshot.scene),
             lights: self.lights.as_ref().map(|(snapshot, _)| &snapshot.scene),
             environment: self.environment.as_ref().map(|(snapshot, _)| &snapshot.scene),
+            light: light.state(self.film.as_ref().map(|film| film.light_version)),
             film: self.film.as_ref().map(|film| FilmState {
                 scene: &film.snapshot.scene,
                 held: Target { width: film.width, height: film.height, samples_per_pixel: film.samples },
@@ -141,7 +158,7 @@ impl View {
 
     /// Bytes of all it keeps for itself; the volume is shared and counted once for all.
     pub fn total_bytes(&self) -> u64 {
-        self.bytes() + self.segment_bytes() + self.path_bytes()
+        self.bytes() + self.segment_bytes() + self.path_bytes() + self.light.bytes()
     }
 
     /// Bytes of view-ray segments.

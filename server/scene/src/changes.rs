@@ -43,6 +43,8 @@ pub struct Changes {
     pub longest_path: bool,
     /// Whether there are light layers, or of which lights: their order, names or geometry.
     pub light_layers: bool,
+    /// Settings of a method that keeps its light in a field.
+    pub light_settings: bool,
     /// What a pixel shows.
     pub rendering: bool,
     /// Data values shown black and white.
@@ -78,6 +80,7 @@ impl Changes {
             method: old.method != new.method,
             longest_path: old.paths.longest != new.paths.longest,
             light_layers: (old.has_light_layers() || new.has_light_layers()) && !old.shares_light_layers(new),
+            light_settings: new.has_light_field() && old.illumination != new.illumination,
             rendering: old.rendering != new.rendering,
             window: old.window != new.window,
             isosurface: match (old.rendering, new.rendering) {
@@ -117,6 +120,7 @@ impl Changes {
         say(self.longest_path, "longest path");
         // An added, moved or removed light is named below.
         say(self.light_layers && self.lights.is_empty(), "light layers");
+        say(self.light_settings && !self.method, "settings of the light");
         say(self.rendering, "rendering mode");
         say(self.window, "window");
         say(self.isosurface, "matter of the isosurface");

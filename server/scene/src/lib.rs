@@ -26,6 +26,7 @@ pub mod region;
 pub mod rendering;
 pub mod scattering;
 pub mod scene;
+pub mod spherical;
 pub mod transfer_function;
 pub mod volume;
 

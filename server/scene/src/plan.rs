@@ -4,6 +4,7 @@
 //! scene. "Skip what a scene doesn't need" lives here and nowhere else.
 
 use proto::plan::PassReport;
+use proto::scene_file::Method;
 
 use crate::changes::Changes;
 use crate::rendering::Rendering;
@@ -24,6 +25,8 @@ pub enum Pass {
     UploadLights,
     /// Environment image to the GPU, with what is needed to sample it.
     UploadEnvironment,
+    /// Light into its field.
+    Illuminate,
     /// View-ray segments: what is kept of rays between edits of matter.
     ViewSegments,
     /// View rays into the film.
@@ -46,6 +49,7 @@ impl Pass {
             Pass::Majorants => "majorants",
             Pass::UploadLights => "upload_lights",
             Pass::UploadEnvironment => "upload_environment",
+            Pass::Illuminate => "illuminate",
             Pass::ViewSegments => "view_segments",
             Pass::RayCast => "ray_cast",
             Pass::PathTrace => "path_trace",
@@ -152,6 +156,17 @@ pub struct SegmentsState<'a> {
     pub fit: bool,
 }
 
+/// A light field.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct LightState<'a> {
+    /// The scene it is, or is becoming, the light of; `None`: there is no light yet.
+    pub scene: Option<&'a Scene>,
+    /// Whether it is all of it.
+    pub complete: bool,
+    /// Whether the film was begun in the light as it stands.
+    pub film_is_lit_by_it: bool,
+}
+
 /// What each cache was computed from; `None`: it holds nothing.
 #[derive(Debug, Clone, Default)]
 pub struct Caches<'a> {
@@ -167,6 +182,8 @@ pub struct Caches<'a> {
     pub lights: Option<&'a Scene>,
     /// Environment image.
     pub environment: Option<&'a Scene>,
+    /// Light field.
+    pub light: LightState<'a>,
     /// Film.
     pub film: Option<FilmState<'a>>,
     /// Tone-mapped picture: the scene and the film state it was made from.
@@ -185,7 +202,8 @@ impl Plan {
     pub fn new(caches: &Caches<'_>, scene: &Scene, target: Target) -> Self {
         let pixels = u64::from(target.width) * u64::from(target.height);
         let cells: usize = scene.volume.macrocells.dims.iter().product();
-        let film_verdict = draw_film(caches, scene, target);
+        let light_verdict = illuminate(&caches.light, scene);
+        let film_verdict = draw_film(caches, scene, target, light_verdict.is_ok());
         let (film, samples_missing) = match &film_verdict {
             Ok((_, film, samples)) => (*film, u64::from(*samples)),
             Err(_) => (FilmPlan::Keep, 0),
@@ -210,7 +228,12 @@ impl Plan {
             passes.push(PlannedPass { pass, runs, reason, work: if runs { work } else { 0 }, unit });
         };
         let tables_needed = |verdict: Verdict| {
-            if paths_or_rays_run { verdict } else { Err("no ray will be cast".to_owned()) }
+            let wanted = paths_or_rays_run || light_verdict.is_ok();
+            if wanted { verdict } else { Err("no ray will be cast".to_owned()) }
+        };
+        let tracks = integrator == Integrator::PathTracer || scene.method == Method::PhotonMap;
+        let tracked = |verdict: Verdict| {
+            if tracks { verdict } else { Err("no paths are followed".to_owned()) }
         };
         plan(
             Pass::UploadVolume,
@@ -232,7 +255,7 @@ impl Plan {
         );
         plan(
             Pass::Majorants,
-            paths_only(tables_needed(majorants(caches.majorants, scene))),
+            tracked(tables_needed(majorants(caches.majorants, scene))),
             cells as u64,
             "cells",
         );
@@ -245,12 +268,16 @@ impl Plan {
         let image = scene.environment_image();
         plan(
             Pass::UploadEnvironment,
-            paths_only(tables_needed(upload_environment(caches.environment, scene))),
+            tables_needed(upload_environment(caches.environment, scene)),
             image.map_or(0, |(image, _)| image.texels().len() as u64),
             "texels",
         );
+        plan(Pass::Illuminate, light_verdict.clone(), scene.lights.len() as u64, "lights");
         let segments = match film {
             _ if integrator == Integrator::PathTracer => Err("paths are followed instead of rays".into()),
+            FilmPlan::Restart if scene.has_light_field() => {
+                Err("light that changes reaches all segments".into())
+            }
             FilmPlan::Restart => segments(caches, scene),
             _ => Err("no film starts again".into()),
         };
@@ -369,6 +396,39 @@ fn majorants(cached: Option<&Scene>, scene: &Scene) -> Verdict {
     }
 }
 
+fn illuminate(state: &LightState<'_>, scene: &Scene) -> Verdict {
+    if !scene.has_light_field() {
+        return Err("light is not kept in a field".into());
+    }
+    let Some(old) = state.scene else {
+        return Ok("no light yet".into());
+    };
+    let reasons = changes_of_light(old, scene).in_words();
+    match reasons.is_empty() {
+        false => Ok(reasons.join(", ")),
+        true if !state.complete => Ok("light is catching up".into()),
+        true => Err("the light is up to date".into()),
+    }
+}
+
+/// Those of the changes from `old` to `new` that a light field depends on.
+pub fn changes_of_light(old: &Scene, new: &Scene) -> Changes {
+    let changes = Changes::between(old, new);
+    let clips = |scene: &Scene| !scene.clip.shadows;
+    Changes {
+        bins: changes.bins & new.volume.macrocells.occurring(new.filter),
+        // Clipped matter that blocks light all the same makes no difference to it.
+        clip: changes.clip && (clips(old) || clips(new)),
+        clip_shadows: changes.clip_shadows,
+        volume: changes.volume,
+        lights: changes.lights,
+        orders: changes.orders,
+        method: changes.method,
+        light_settings: changes.light_settings,
+        ..Changes::default()
+    }
+}
+
 fn upload_environment(cached: Option<&Scene>, scene: &Scene) -> Verdict {
     let image = |scene: &Scene| scene.environment_image().map(|(image, _)| image.content());
     match (cached.map(image), image(scene)) {
@@ -380,7 +440,12 @@ fn upload_environment(cached: Option<&Scene>, scene: &Scene) -> Verdict {
 }
 
 /// Reason, what becomes of the film and samples per pixel to add; or why nothing is to be drawn.
-fn draw_film(caches: &Caches<'_>, scene: &Scene, target: Target) -> Result<(String, FilmPlan, u32), String> {
+fn draw_film(
+    caches: &Caches<'_>,
+    scene: &Scene,
+    target: Target,
+    light_moves: bool,
+) -> Result<(String, FilmPlan, u32), String> {
     let from_scratch = |reason: String| Ok((reason, FilmPlan::Restart, target.samples_per_pixel));
     let Some(film) = caches.film else {
         return from_scratch("the film is empty".into());
@@ -390,6 +455,13 @@ fn draw_film(caches: &Caches<'_>, scene: &Scene, target: Target) -> Result<(Stri
     let mut reasons = seen.in_words();
     if (film.held.width, film.held.height) != (target.width, target.height) {
         reasons.push(format!("image size is now {} x {}", target.width, target.height));
+    }
+    if scene.has_light_field() && (light_moves || !caches.light.film_is_lit_by_it) {
+        // While light is on its way the first picture comes to its end, lest there be none.
+        let under_way = film.held.samples_per_pixel == 0 && light_moves && reasons.is_empty();
+        if !under_way {
+            reasons.push("the light changes".to_owned());
+        }
     }
     if !reasons.is_empty() {
         let same_size = (film.held.width, film.held.height) == (target.width, target.height);
@@ -524,6 +596,8 @@ fn changes_on_film(changes: &Changes, old: &Scene, new: &Scene) -> Changes {
         orders: paths && changes.orders,
         longest_path: paths && changes.longest_path,
         light_layers: paths && changes.light_layers,
+        // They show in the light, which has a verdict of its own.
+        light_settings: false,
         // Steps are the ray caster's.
         ray_sampling: !paths && changes.ray_sampling,
         film: false,
@@ -533,6 +607,9 @@ fn changes_on_film(changes: &Changes, old: &Scene, new: &Scene) -> Changes {
         ..changes.clone()
     };
     let occurring = new.volume.macrocells.occurring(new.filter);
+    if new.has_light_field() {
+        seen.lights.clear();
+    }
     if changes.volume || changes.rendering {
         return seen;
     }
@@ -632,10 +709,44 @@ mod tests {
         let volume = volume();
         let plan = Plan::new(&Caches::default(), &scene(&volume, json!({})), TARGET);
         let paths = [Pass::Majorants, Pass::UploadEnvironment, Pass::PathTrace, Pass::MixLights];
-        let idle = [&[Pass::ViewSegments], &paths[..]].concat();
+        let idle = [&[Pass::ViewSegments, Pass::Illuminate], &paths[..]].concat();
         assert!(plan.passes.iter().all(|p| p.runs != idle.contains(&p.pass)), "{plan:?}");
         let cast = plan.passes.iter().find(|p| p.pass == Pass::RayCast).unwrap();
         assert_eq!(cast.work, 64 * 48 * 4);
+    }
+
+    #[test]
+    fn light_in_a_field_has_a_verdict_of_its_own() {
+        let volume = volume();
+        let lit = |patch: serde_json::Value| {
+            let mut all = json!({"illumination": {"method": "photon_map"}});
+            all.as_object_mut().unwrap().extend(patch.as_object().unwrap().clone());
+            scene(&volume, all)
+        };
+        let old = lit(json!({}));
+        let state = |held| FilmState { scene: &old, held, error: None };
+        let plan = |new: &Scene, complete, film_is_lit_by_it, samples_per_pixel| {
+            let held = Target { samples_per_pixel, ..TARGET };
+            let light = LightState { scene: Some(&old), complete, film_is_lit_by_it };
+            let caches = Caches { film: Some(state(held)), light, ..Caches::default() };
+            let plan = Plan::new(&caches, new, TARGET);
+            (plan.runs(Pass::Illuminate), plan.film)
+        };
+        assert_eq!(plan(&old, true, true, 4), (false, FilmPlan::Keep));
+        // The light has moved on since the film was begun.
+        assert_eq!(plan(&old, true, false, 4), (false, FilmPlan::Restart));
+        assert_eq!(plan(&old, true, false, 0), (false, FilmPlan::Restart));
+        // It still does: a first pass comes to its end, a whole one is followed by another.
+        assert_eq!(plan(&old, false, false, 0), (true, FilmPlan::Refine));
+        assert_eq!(plan(&old, false, false, 1), (true, FilmPlan::Restart));
+        let moved = lit(
+            json!({"camera": {"position": [0.0, 0.0, 5.0], "target": [0.0, 0.0, 0.0], "up": [0.0, 1.0, 0.0]}}),
+        );
+        assert_eq!(plan(&moved, true, true, 4), (false, FilmPlan::Restart));
+        let brighter = lit(json!({"lights": [{"type": "directional", "direction": [0, 0, -1],
+            "irradiance": [3, 3, 3]}]}));
+        assert_eq!(plan(&brighter, true, true, 4), (true, FilmPlan::Restart));
+        assert!(!Plan::new(&Caches::default(), &scene(&volume, json!({})), TARGET).runs(Pass::Illuminate));
     }
 
     #[test]

@@ -43,6 +43,8 @@ pub struct Scene {
     pub orders: Orders,
     /// Illumination method.
     pub method: Method,
+    /// The method's settings, as the scene file has them.
+    pub illumination: file::Illumination,
     /// How the path tracer ends.
     pub paths: Paths,
     /// What a pixel shows.
@@ -175,6 +177,7 @@ impl Scene {
             background,
             orders: file.scattering.orders,
             method: file.illumination.method,
+            illumination: file.illumination.clone(),
             paths: Paths {
                 per_pixel: file.illumination.paths_per_pixel,
                 max_error: file.illumination.max_error,
@@ -224,6 +227,11 @@ impl Scene {
     /// What makes its picture: whatever the method, projections, slices and isosurfaces are cast.
     pub fn integrator(&self) -> Integrator {
         integrator(self.method, self.rendering == Rendering::Volume)
+    }
+
+    /// Whether its light is computed ahead, on a grid, and view rays read it there.
+    pub fn has_light_field(&self) -> bool {
+        self.rendering == Rendering::Volume && !matches!(self.method, Method::Local | Method::PathTraced)
     }
 
     /// Whether its picture is mixed from layers, one for what each light brings.

@@ -9,9 +9,10 @@ use super::{DrawRequest, Renderer};
 use crate::error::RenderError;
 use crate::frame::{frame_uniform, sample_position};
 use crate::gpu::{buffer_entry, texture_entry};
+use crate::light_field::LightField;
 use crate::ray_cast::{Variant, WORKGROUP_EDGE};
 use crate::segments::Segments;
-use crate::view::{FilmCache, TransferFunctionTables, View, ViewBuffers};
+use crate::view::{EnvironmentTables, FilmCache, TransferFunctionTables, View, ViewBuffers};
 use crate::volume_texture::VolumeTexture;
 
 /// Length a slice aims at where no budget is given: far below any driver's watchdog.
@@ -39,6 +40,8 @@ struct BoundTables<'a> {
     tables: &'a TransferFunctionTables,
     distance_map: &'a wgpu::TextureView,
     lights: &'a wgpu::Buffer,
+    field: Option<&'a LightField>,
+    environment: Option<&'a EnvironmentTables>,
 }
 
 /// One sample per pixel: what its slices are dispatched with.
@@ -61,11 +64,22 @@ impl Renderer {
     pub(super) fn cast_rays(
         &mut self,
         view: &mut View,
+        field: Option<&LightField>,
         scene: &Scene,
         request: &DrawRequest<'_>,
         began: Instant,
     ) -> Result<(), RenderError> {
-        let View { volume, transfer_function, distance_map, lights, film, buffers, segments, .. } = view;
+        let View {
+            volume,
+            transfer_function,
+            distance_map,
+            lights,
+            environment,
+            film,
+            buffers,
+            segments,
+            ..
+        } = view;
         let (
             Some((_, texture)),
             Some((_, tables)),
@@ -79,7 +93,9 @@ impl Renderer {
         };
         self.gpu.queue.write_buffer(&buffers.counters, 0, &[0; COUNTER_BYTES as usize]);
         let mut uniform = frame_uniform(scene, texture, film);
-        let tables = BoundTables { texture, tables, distance_map, lights: &lights.lights };
+        let environment = environment.as_ref().map(|(_, tables)| tables);
+        let tables =
+            BoundTables { texture, tables, distance_map, lights: &lights.lights, field, environment };
         let mut pass: Option<SamplePass> = None;
         while film.samples < request.target.samples_per_pixel {
             let current = match pass.take().filter(|pass| pass.sample == film.samples) {
@@ -128,7 +144,7 @@ impl Renderer {
         let size = (film.width, film.height);
         let layer = film.in_segments.then(|| segments.begin(&self.gpu, size, film.samples, &film.snapshot));
         let layer = layer.flatten();
-        let mut variant = Variant::of(scene, tables.texture);
+        let mut variant = Variant::of(scene, tables.texture, tables.field.map_or(0, |field| field.bands));
         let mut changed_map = None;
         if let Some(layer) = &layer {
             variant.keep_segments = true;
@@ -159,6 +175,13 @@ impl Renderer {
                 buffer_entry(10, segments),
                 texture_entry(11, changed_map.as_ref().unwrap_or(tables.distance_map)),
                 texture_entry(12, tables.texture.quads.as_ref().unwrap_or(&tables.texture.view)),
+                texture_entry(13, tables.field.map_or(&bindings.no_light, |field| &field.view)),
+                wgpu::BindGroupEntry {
+                    binding: 14,
+                    resource: wgpu::BindingResource::Sampler(&bindings.light_sampler),
+                },
+                buffer_entry(15, tables.field.map_or(&buffers.frame, |field| &field.uniform)),
+                texture_entry(20, tables.environment.map_or(&tables.tables.points, |image| &image.radiance)),
             ],
         });
         Ok(SamplePass {

@@ -19,6 +19,7 @@ use scene::{Integrator, Rendering, Scene, Snapshot};
 use crate::error::RenderError;
 use crate::film::ToneMapper;
 use crate::gpu::Gpu;
+use crate::illumination::Inputs;
 use crate::path_tracer::{PathTracer, PathVariant};
 use crate::ray_cast::{RayCaster, Variant, WORKGROUP_EDGE};
 use crate::tables;
@@ -33,6 +34,9 @@ pub(crate) use tracing::PathFilm;
 
 /// Methods that can be drawn.
 pub const METHODS_BUILT: &[Method] = &[Method::Local, Method::PathTraced];
+
+/// Light computed ahead may take this share of a call's budget; the rest is for the picture.
+const LIGHT_SHARE_OF_BUDGET: f64 = 0.5;
 
 /// Draws views. One per GPU, on the thread that owns submission.
 pub struct Renderer {
@@ -65,6 +69,8 @@ pub struct Drawn {
     pub samples_per_pixel: u32,
     /// How well the film is known, where the method tells.
     pub estimate: Option<PathEstimate>,
+    /// Share of the light that is the snapshot's, 0..1.
+    pub illumination: f32,
     /// Whether anything ran or has to (a tone-mapping edit leaves the film alone).
     pub drew: bool,
     /// Times of the stages that ran.
@@ -111,7 +117,7 @@ impl Preparer {
             return;
         }
         let Some(texture) = self.volumes.loaded(&scene.volume) else { return };
-        let variant = Variant::of(scene, &texture);
+        let variant = Variant::of(scene, &texture, 0);
         self.ray_caster.pipeline(variant);
         if variant.mode == 0 && scene.sampling.segments > 1 {
             self.ray_caster.pipeline(Variant { keep_segments: true, ..variant });
@@ -157,7 +163,7 @@ pub fn check(scene: &Scene) -> Result<(), FieldError> {
     if scene.integrator() == Integrator::PathTracer {
         return layers::check_count(scene);
     }
-    if METHODS_BUILT.contains(&scene.method) {
+    if METHODS_BUILT.contains(&scene.method) || cfg!(test) {
         // Projections and slices show data, not light.
         if !scene.rendering.is_lit() {
             return Ok(());
@@ -242,11 +248,26 @@ impl Renderer {
         check(scene).map_err(RenderError::Refused)?;
         let plan = self.plan_centred(view, scene, request.target);
         let mut stages = Stages::default();
-        self.bring_tables_up_to_date(view, snapshot, &plan, &mut stages)?;
-        self.bring_film_to(view, snapshot, request.target, &plan)?;
         let mut counters = BTreeMap::new();
+        self.bring_tables_up_to_date(view, snapshot, &plan, &mut stages)?;
+        let light = view.light.clone();
+        let mut light = light.lock();
+        if plan.runs(Pass::Illuminate) {
+            let deadline = request.budget.map(|budget| began + budget.mul_f64(LIGHT_SHARE_OF_BUDGET));
+            stages.time("illuminate", || {
+                let inputs = self.inputs(view, snapshot)?;
+                light.advance(&inputs, deadline, &mut counters)
+            })?;
+        }
+        let light_is_complete = !scene.has_light_field() || light.is_complete();
+        self.bring_film_to(view, snapshot, request.target, &plan, light.version())?;
         if plan.runs(Pass::RayCast) {
-            stages.time("ray_cast", || self.cast_rays(view, scene, request, began))?;
+            // What will be drawn again is drawn roughly.
+            let samples_per_pixel = if light_is_complete { request.target.samples_per_pixel } else { 1 };
+            let target = Target { samples_per_pixel, ..request.target };
+            let request = &DrawRequest { target, ..*request };
+            let field = light.field().filter(|_| scene.has_light_field());
+            stages.time("ray_cast", || self.cast_rays(view, field, scene, request, began))?;
             stages.time("read_counters", || self.read_counters(view, &mut counters))?;
         }
         if plan.runs(Pass::PathTrace) {
@@ -261,15 +282,19 @@ impl Renderer {
         let estimate = view.paths.as_ref().and_then(|paths| paths.estimate);
         let estimate = estimate.filter(|_| scene.integrator() == Integrator::PathTracer);
         let good_enough = estimate.is_some_and(|e| scene::plan::good_enough(scene, e.relative_error));
+        let light_bytes = light.bytes();
+        let film_is_lit = view.film.as_ref().is_none_or(|film| film.light_version == light.version());
+        let is_lit = !scene.has_light_field() || light.is_complete() && film_is_lit;
         Ok(Drawn {
-            complete: samples >= request.target.samples_per_pixel || good_enough,
+            complete: is_lit && (samples >= request.target.samples_per_pixel || good_enough),
+            illumination: if scene.has_light_field() { light.completeness() } else { 1.0 },
             samples_per_pixel: samples,
             estimate,
             drew: !plan.is_empty(),
             plan,
             stages: stages.0,
             counters,
-            gpu_bytes: self.gpu_bytes(view),
+            gpu_bytes: self.gpu_bytes(view, light_bytes),
         })
     }
 
@@ -279,7 +304,26 @@ impl Renderer {
     }
 
     fn plan_centred(&self, view: &View, scene: &Scene, target: Target) -> Plan {
-        Plan::new(&view.caches(scene, target, self.gpu.max_binding_bytes()), scene, target)
+        let light = view.light.lock();
+        Plan::new(&view.caches(&light, scene, target, self.gpu.max_binding_bytes()), scene, target)
+    }
+
+    /// What a method that computes light ahead reads.
+    fn inputs<'a>(&'a self, view: &'a View, snapshot: &'a Arc<Snapshot>) -> Result<Inputs<'a>, RenderError> {
+        let (Some((_, texture)), Some((_, tables)), Some((_, lights))) =
+            (&view.volume, &view.transfer_function, &view.lights)
+        else {
+            return Err(RenderError::Gpu("a table of the view is missing".into()));
+        };
+        Ok(Inputs {
+            gpu: &self.gpu,
+            snapshot,
+            texture,
+            tables,
+            lights,
+            majorants: view.majorants.as_ref().map(|(_, map)| map),
+            environment: view.environment.as_ref().map(|(_, tables)| tables),
+        })
     }
 
     /// Tone-mapped picture of the view's film as it stands. Before the first complete pass, rows
@@ -457,6 +501,7 @@ impl Renderer {
         snapshot: &Arc<Snapshot>,
         target: Target,
         plan: &Plan,
+        light_version: u64,
     ) -> Result<(), RenderError> {
         if plan.film != FilmPlan::Restart {
             if let FilmPlan::RestartTiles { bins, .. } = plan.film {
@@ -485,8 +530,15 @@ impl Renderer {
             self.gpu.queue.submit([encoder.finish()]);
         }
         let in_segments = plan.segments != SegmentsPlan::Unused;
-        view.film =
-            Some(FilmCache { snapshot: snapshot.clone(), width, height, samples: 0, rows: 0, in_segments });
+        view.film = Some(FilmCache {
+            snapshot: snapshot.clone(),
+            width,
+            height,
+            samples: 0,
+            rows: 0,
+            in_segments,
+            light_version,
+        });
         view.picture = None;
         match snapshot.scene.integrator() {
             Integrator::RayCaster => Ok(()),
@@ -515,12 +567,13 @@ impl Renderer {
         })
     }
 
-    fn gpu_bytes(&self, view: &View) -> BTreeMap<String, u64> {
+    fn gpu_bytes(&self, view: &View, light_bytes: u64) -> BTreeMap<String, u64> {
         [
             ("volumes", self.volumes.bytes()),
             ("film", view.bytes()),
             ("segments", view.segment_bytes()),
             ("paths", view.path_bytes()),
+            ("light", light_bytes),
         ]
         .map(|(owner, bytes)| (owner.to_owned(), bytes))
         .into()

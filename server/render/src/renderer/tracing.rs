@@ -3,11 +3,10 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use glam::{DMat3, DVec3};
 use proto::scene_file::Orders;
 use scene::light::LightGeometry;
 use scene::plan::{Target, good_enough};
-use scene::{Background, Majorants, Scene};
+use scene::{Majorants, Scene};
 
 use super::layers::{LightLayers, behind_in_layers, layer_count};
 use super::{DrawRequest, Radiance, Renderer};
@@ -17,7 +16,6 @@ use crate::film::in_a_row;
 use crate::frame::frame_uniform;
 use crate::gpu::{buffer_entry, texture_entry};
 use crate::path_tracer::{ERROR_BLOCK, PathVariant, TILE_EDGE};
-use crate::tables;
 use crate::uniforms;
 use crate::view::{EnvironmentTables, FILM_PIXEL_BYTES, View};
 
@@ -369,7 +367,7 @@ impl Renderer {
                     },
                     texture_entry(9, majorants),
                     buffer_entry(10, &paths.paths),
-                    texture_entry(11, &environment.radiance),
+                    texture_entry(20, &environment.radiance),
                     texture_entry(12, &environment.draws),
                     buffer_entry(13, &paths.uniform),
                     buffer_entry(14, &paths.spreads),
@@ -385,7 +383,7 @@ impl Renderer {
         let mut frame = frame_uniform(scene, texture, film);
         let mut uniform = path_uniform(scene);
         if paths.layers.is_some() {
-            [frame.background, uniform.backdrop] = behind_in_layers(scene);
+            [frame.background, frame.backdrop] = behind_in_layers(scene);
         }
         let aim = request.budget.map_or(UNHURRIED_DISPATCH, |b| b.mul_f64(DISPATCH_SHARE_OF_BUDGET));
         let wanted_at_most = request.target.samples_per_pixel;
@@ -539,20 +537,11 @@ fn halves(bins: u64) -> [u32; 2] {
 
 /// What does not change between the dispatches of a scene.
 fn path_uniform(scene: &Scene) -> uniforms::PathTracer {
-    let map = scene.environment_image().map_or(DMat3::IDENTITY, |(_, world_from_map)| world_from_map);
-    let backdrop = match &scene.background {
-        Background::Image { scale, .. } => *scale,
-        Background::Color(_) => DVec3::ZERO,
-    };
     let has_extent = |light: &scene::Light| {
         use LightGeometry::{Directional, Point, Spot};
         !matches!(light.geometry, Directional { .. } | Point { .. } | Spot { .. })
     };
     uniforms::PathTracer {
-        map_x: tables::vector(map.x_axis),
-        map_y: tables::vector(map.y_axis),
-        map_z: tables::vector(map.z_axis),
-        backdrop: tables::vector(backdrop),
         source_count: scene.lights.len() as u32,
         orders: match scene.orders {
             Orders::All => u32::MAX,

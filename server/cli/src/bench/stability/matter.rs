@@ -45,7 +45,7 @@ fn extinctions() -> Vec<Case> {
 
 fn white(extinction: f64) -> Value {
     // Where a path takes thousands of events it is cut, and the share that is lost is told.
-    let longest_path = if extinction > 1e5 { 200 } else { 100_000 };
+    let longest_path = if extinction > 1e5 { 40 } else { 100_000 };
     json!({"illumination": {"longest_path": longest_path}, "transfer_function": {"points": [
         {"s": 0.0, "extinction": 0}, {"s": 0.3, "extinction": 0}, {"s": 0.7, "extinction": extinction}]}})
 }

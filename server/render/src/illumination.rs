@@ -1,0 +1,181 @@
+//! Light computed ahead: what the methods keep that does not depend on the camera, for all viewers of
+//! a session.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+use proto::scene_file::Method;
+use scene::Snapshot;
+use scene::plan::LightState;
+
+use crate::error::RenderError;
+use crate::gpu::Gpu;
+use crate::light_field::LightField;
+use crate::view::{EnvironmentTables, LightTables, TransferFunctionTables};
+use crate::volume_texture::VolumeTexture;
+
+/// The light of one session. Clones are the same light: views that share it see the same.
+#[derive(Clone, Default)]
+pub struct Light(Arc<Mutex<Illumination>>);
+
+impl Light {
+    pub(crate) fn lock(&self) -> MutexGuard<'_, Illumination> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Bytes on the GPU.
+    pub fn bytes(&self) -> u64 {
+        self.lock().bytes()
+    }
+
+    /// Forgets everything.
+    pub fn clear(&self) {
+        *self.lock() = Illumination::default();
+    }
+}
+
+/// What a method reads of a scene on the GPU.
+pub(crate) struct Inputs<'a> {
+    pub gpu: &'a Arc<Gpu>,
+    pub snapshot: &'a Arc<Snapshot>,
+    pub texture: &'a VolumeTexture,
+    pub tables: &'a TransferFunctionTables,
+    /// Lights by kind, with all of their geometry.
+    pub lights: &'a LightTables,
+    /// Bounds of the extinction, for methods that track paths.
+    pub majorants: Option<&'a wgpu::TextureView>,
+    /// Where there is an environment image.
+    pub environment: Option<&'a EnvironmentTables>,
+}
+
+/// How far a method has got.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Progress {
+    /// Nothing is left to do.
+    pub complete: bool,
+    /// Share of the light that is the newest snapshot's, 0..1.
+    pub completeness: f32,
+    /// The field is not what it was before.
+    pub changed: bool,
+}
+
+/// The methods that keep their light in a field.
+enum Lit {
+    /// A field from elsewhere, for tests.
+    #[cfg_attr(not(test), allow(dead_code))]
+    Given(LightField),
+}
+
+/// The light of a session, and what it is the light of.
+#[derive(Default)]
+pub(crate) struct Illumination {
+    lit: Option<(Method, Lit)>,
+    /// The snapshot it is, or is becoming, the light of.
+    snapshot: Option<Arc<Snapshot>>,
+    progress: Option<Progress>,
+    /// Counts the states of the field.
+    version: u64,
+}
+
+impl Illumination {
+    /// Works on the light of the snapshot until the deadline, at least one slice; until it is complete
+    /// without one.
+    pub fn advance(
+        &mut self,
+        inputs: &Inputs<'_>,
+        deadline: Option<Instant>,
+        counters: &mut BTreeMap<String, u64>,
+    ) -> Result<(), RenderError> {
+        let method = inputs.snapshot.scene.method;
+        if self.lit.as_ref().is_some_and(|(kept, _)| *kept != method) {
+            self.forget();
+        }
+        self.snapshot = Some(inputs.snapshot.clone());
+        let lit = match &mut self.lit {
+            Some((_, lit)) => lit,
+            none => &mut none.insert((method, Lit::new(inputs)?)).1,
+        };
+        let advanced = lit.advance(inputs, deadline, counters);
+        if advanced.is_err() {
+            self.forget();
+        }
+        let progress = advanced?;
+        self.progress = Some(progress);
+        if progress.changed {
+            self.version += 1;
+        }
+        Ok(())
+    }
+
+    fn forget(&mut self) {
+        *self = Self { version: self.version + 1, ..Self::default() };
+    }
+
+    /// What the plan has to know; `film_version`: in which state of the light the film was begun.
+    pub fn state(&self, film_version: Option<u64>) -> LightState<'_> {
+        let kept = self.field().and(self.snapshot.as_ref());
+        LightState {
+            scene: kept.map(|snapshot| &snapshot.scene),
+            complete: self.is_complete(),
+            film_is_lit_by_it: film_version == Some(self.version),
+        }
+    }
+
+    pub fn is_complete(&self) -> bool {
+        self.progress.is_some_and(|progress| progress.complete)
+    }
+
+    /// Share of the light that is the newest snapshot's, 0..1.
+    pub fn completeness(&self) -> f32 {
+        self.progress.map_or(0.0, |progress| progress.completeness)
+    }
+
+    pub fn version(&self) -> u64 {
+        self.version
+    }
+
+    pub fn field(&self) -> Option<&LightField> {
+        let (_, lit) = self.lit.as_ref()?;
+        lit.field()
+    }
+
+    pub fn bytes(&self) -> u64 {
+        self.lit.as_ref().map_or(0, |(_, lit)| lit.bytes())
+    }
+
+    /// Takes a field from a test as the light of every scene with this method.
+    #[cfg(test)]
+    pub fn give(&mut self, method: Method, field: LightField) {
+        self.lit = Some((method, Lit::Given(field)));
+    }
+}
+
+impl Lit {
+    fn new(inputs: &Inputs<'_>) -> Result<Self, RenderError> {
+        let method = inputs.snapshot.scene.method;
+        Err(RenderError::Gpu(format!("`{}` is not built", method.name())))
+    }
+
+    fn advance(
+        &mut self,
+        inputs: &Inputs<'_>,
+        deadline: Option<Instant>,
+        counters: &mut BTreeMap<String, u64>,
+    ) -> Result<Progress, RenderError> {
+        let _ = (inputs, deadline, &counters);
+        match self {
+            Lit::Given(_) => Ok(Progress { complete: true, completeness: 1.0, changed: true }),
+        }
+    }
+
+    fn field(&self) -> Option<&LightField> {
+        match self {
+            Lit::Given(field) => Some(field),
+        }
+    }
+
+    fn bytes(&self) -> u64 {
+        self.field().map_or(0, LightField::bytes)
+    }
+}

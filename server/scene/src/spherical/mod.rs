@@ -1,0 +1,3 @@
+//! Functions on the sphere.
+
+pub mod sh;

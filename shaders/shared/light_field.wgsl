@@ -1,0 +1,83 @@
+// Light from a light field: incident radiance as spherical harmonics on a grid over the volume's box,
+// whichever method computed it. Directions point to where light comes from.
+//
+// Coefficient k of B^2 lies in tile (k % B, k / B) along x and z of one texture: RGB divided by the
+// field's scale. The alpha of the first tile is the weight of a texel, 1 where light is known and 0
+// where it is not (RGB 0, too): what is interpolated is divided by it.
+
+@group(0) @binding(13) var light_field: texture_3d<f32>;
+@group(0) @binding(14) var light_sampler: sampler;
+@group(0) @binding(15) var<uniform> field: Field;
+
+// Bands; 0: there is no field.
+override FIELD_BANDS: u32 = 0u;
+
+struct Field {
+    // Texels of one coefficient.
+    dims: vec3f,
+    // Radiance of 1 in the texture.
+    scale: f32,
+}
+
+// Below this weight nothing is known.
+const LEAST_WEIGHT = 1e-4;
+// Factors of the cosine clamped to the upper hemisphere, divided by pi (Ramamoorthi, Hanrahan 2001).
+const COSINE_BANDS = array<f32, 6>(1.0, 0.6666666667, 0.25, 0.0, -0.0416666667, 0.0);
+
+// What of the radiance is wanted: the phase function's part about -w_o, the diffuse part about n, the
+// specular part about the mirror direction.
+struct Wanted {
+    behind: vec3f,
+    phase: vec3f,
+    n: vec3f,
+    diffuse: vec3f,
+    mirror: vec3f,
+    specular: f32,
+}
+
+// Scattered radiance towards w_o per unit of extinction, as in local/local.wgsl.
+fn scattered_from_field(x: vec3f, w_o: vec3f, albedo: vec3f, material: Material, gradient: vec3f) -> vec3f {
+    let facing = surface_facing(w_o, material, gradient);
+    let n = facing.xyz;
+    let wanted = Wanted(-w_o, (1.0 - facing.w) * albedo, n, facing.w * material.ambient_diffuse * albedo,
+        2.0 * dot(n, w_o) * n - w_o, facing.w * material.ambient_specular);
+    let inside = clamp((x / frame.size_world + 0.5) * field.dims, vec3f(0.5), field.dims - 0.5);
+    let bands = f32(FIELD_BANDS);
+    let texture_from_texel = 1.0 / (field.dims * vec3f(bands, 1.0, bands));
+    let at = inside * texture_from_texel;
+    let first = textureSampleLevel(light_field, light_sampler, at, 0.0);
+    var sum = first.xyz * factor(wanted, material, 0u, 0u);
+    if FIELD_BANDS > 1u {
+        for (var k = 1u; k < 4u; k++) { sum += coefficient(at, k) * factor(wanted, material, 1u, k); }
+    }
+    if FIELD_BANDS > 2u {
+        for (var k = 4u; k < 9u; k++) { sum += coefficient(at, k) * factor(wanted, material, 2u, k); }
+    }
+    for (var l = 3u; l < FIELD_BANDS; l++) {
+        for (var k = l * l; k < (l + 1u) * (l + 1u); k++) {
+            sum += coefficient(at, k) * factor(wanted, material, l, k);
+        }
+    }
+    // Bands that are cut off leave ripples, below 0, too.
+    return max(sum, vec3f(0.0)) * select(0.0, field.scale / first.w, first.w > LEAST_WEIGHT);
+}
+
+fn coefficient(at: vec3f, k: u32) -> vec3f {
+    // At least 1, or the code of variants without a field would divide by 0.
+    let bands = max(FIELD_BANDS, 1u);
+    let tile = vec3f(f32(k % bands), 0.0, f32(k / bands)) / f32(bands);
+    return textureSampleLevel(light_field, light_sampler, at + tile, 0.0).xyz;
+}
+
+fn factor(wanted: Wanted, material: Material, l: u32, k: u32) -> vec3f {
+    var value = wanted.phase * (band_of(material, l) * spherical_harmonic(k, wanted.behind));
+    if SURFACES {
+        value += wanted.diffuse * (COSINE_BANDS[l] * spherical_harmonic(k, wanted.n));
+        value += wanted.specular * band_of(material, l + 6u) * spherical_harmonic(k, wanted.mirror);
+    }
+    return value;
+}
+
+fn band_of(material: Material, i: u32) -> f32 {
+    return material.bands[i / 4u][i % 4u];
+}
