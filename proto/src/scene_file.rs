@@ -92,6 +92,12 @@ pub mod limits {
     pub const MAX_PATHS_PER_PIXEL: u32 = 1 << 20;
     /// Most scattering events of a path.
     pub const MAX_PATH_LENGTH: u32 = 1_000_000_000;
+    /// Records of method `image_based` along the longest edge.
+    pub const MAX_RECORDS: u32 = 100;
+    /// Directions that its records may look in.
+    pub const RECORD_DIRECTIONS: [u32; 4] = [12, 48, 192, 768];
+    /// Bands of spherical harmonics.
+    pub const MAX_BANDS: u32 = 6;
     /// Most segments a view ray is kept in.
     pub const MAX_SEGMENTS: u32 = 32;
     /// Coarsest level of a volume that can be asked for.
@@ -789,6 +795,44 @@ pub struct Illumination {
     /// `path_traced`: what each light brings is kept apart, so that colours, strengths and switches
     /// of lights change the picture without a new path. At most 8 lights.
     pub light_layers: bool,
+    /// `image_based`: records along the longest edge of the volume's box, 2..100.
+    pub records: u32,
+    /// `image_based`: directions a record looks in: 12, 48, 192 or 768.
+    pub record_directions: u32,
+    /// `image_based`: bands of spherical harmonics, 1..6.
+    pub record_bands: u32,
+    /// `image_based`: what a record holds.
+    pub record_form: RecordForm,
+    /// `image_based`: how a sample in matter reads the records.
+    pub record_lookup: RecordLookup,
+    /// `image_based`: damps the higher bands of the light, against ringing.
+    pub record_window: bool,
+}
+
+/// What a record of method `image_based` holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize, TS, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum RecordForm {
+    /// The product of transmittance and light, in bands; phase functions act band by band.
+    #[default]
+    Product,
+    /// The dot product of transmittance and light, each in bands; scattering is taken as isotropic.
+    Isotropic,
+    /// As `product`, with transmittance and light looked at in the centres of directions only.
+    Static,
+    /// As `isotropic`, with the phase function towards the camera; follows the camera.
+    Dynamic,
+}
+
+/// How records of method `image_based` are read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize, TS, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum RecordLookup {
+    /// Interpolated between eight records.
+    #[default]
+    Trilinear,
+    /// The record whose cell holds the sample.
+    Containing,
 }
 
 impl Default for Illumination {
@@ -799,6 +843,12 @@ impl Default for Illumination {
             max_error: 0.0,
             longest_path: 100_000,
             light_layers: false,
+            records: 32,
+            record_directions: 48,
+            record_bands: 3,
+            record_form: RecordForm::default(),
+            record_lookup: RecordLookup::default(),
+            record_window: false,
         }
     }
 }

@@ -35,6 +35,12 @@ pub(crate) fn scene(scene: &SceneFile) -> Checked {
     within("illumination.paths_per_pixel", f64::from(paths), 1.0, f64::from(MAX_PATHS_PER_PIXEL))?;
     within("illumination.max_error", illumination.max_error, 0.0, 1.0)?;
     within("illumination.longest_path", f64::from(longest), 1.0, f64::from(MAX_PATH_LENGTH))?;
+    within("illumination.records", f64::from(illumination.records), 2.0, f64::from(MAX_RECORDS))?;
+    let directions = illumination.record_directions;
+    require("illumination.record_directions", RECORD_DIRECTIONS.contains(&directions), || {
+        format!("must be 12, 48, 192 or 768, got {directions}")
+    })?;
+    within("illumination.record_bands", f64::from(illumination.record_bands), 1.0, f64::from(MAX_BANDS))?;
     let sampling = &scene.sampling;
     within("sampling.step_voxels", sampling.step_voxels, 1.0 / 16.0, 8.0)?;
     within("sampling.samples_per_pixel", f64::from(sampling.samples_per_pixel), 1.0, 4096.0)?;

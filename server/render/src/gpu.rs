@@ -194,6 +194,37 @@ impl Gpu {
         self.queue.submit([encoder.finish()]);
     }
 
+    /// A texture with contents.
+    pub(crate) fn filled_texture(
+        &self,
+        label: &str,
+        size: wgpu::Extent3d,
+        dimension: wgpu::TextureDimension,
+        format: wgpu::TextureFormat,
+        bytes: &[u8],
+    ) -> Result<wgpu::TextureView, RenderError> {
+        let descriptor = wgpu::TextureDescriptor {
+            label: Some(label),
+            size,
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension,
+            format,
+            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+            view_formats: &[],
+        };
+        let create = || self.device.create_texture(&descriptor);
+        let texture = self.allocating(label, bytes.len() as u64, create)?;
+        let rows = size.height * size.depth_or_array_layers;
+        let layout = wgpu::TexelCopyBufferLayout {
+            offset: 0,
+            bytes_per_row: Some(bytes.len() as u32 / rows),
+            rows_per_image: Some(size.height),
+        };
+        self.queue.write_texture(texture.as_image_copy(), bytes, layout, size);
+        Ok(texture.create_view(&wgpu::TextureViewDescriptor::default()))
+    }
+
     /// A storage or uniform buffer.
     pub(crate) fn buffer(
         &self,

@@ -11,6 +11,7 @@ use scene::plan::LightState;
 
 use crate::error::RenderError;
 use crate::gpu::Gpu;
+use crate::image_based::{self, ImageBased};
 use crate::light_field::LightField;
 use crate::view::{EnvironmentTables, LightTables, TransferFunctionTables};
 use crate::volume_texture::VolumeTexture;
@@ -45,6 +46,10 @@ pub(crate) struct Inputs<'a> {
     pub lights: &'a LightTables,
     /// Bounds of the extinction, for methods that track paths.
     pub majorants: Option<&'a wgpu::TextureView>,
+    /// Distances to matter, a byte per macrocell.
+    pub distance_map: Option<&'a wgpu::TextureView>,
+    /// Pipelines of method `image_based`.
+    pub record_passes: &'a Arc<image_based::Passes>,
     /// Where there is an environment image.
     pub environment: Option<&'a EnvironmentTables>,
 }
@@ -62,6 +67,7 @@ pub(crate) struct Progress {
 
 /// The methods that keep their light in a field.
 enum Lit {
+    ImageBased(Box<ImageBased>),
     /// A field from elsewhere, for tests.
     #[cfg_attr(not(test), allow(dead_code))]
     Given(LightField),
@@ -144,6 +150,15 @@ impl Illumination {
         self.lit.as_ref().map_or(0, |(_, lit)| lit.bytes())
     }
 
+    /// The records, if that is the method.
+    #[cfg(test)]
+    pub fn image_based(&self) -> Option<&ImageBased> {
+        match &self.lit {
+            Some((_, Lit::ImageBased(records))) => Some(records),
+            _ => None,
+        }
+    }
+
     /// Takes a field from a test as the light of every scene with this method.
     #[cfg(test)]
     pub fn give(&mut self, method: Method, field: LightField) {
@@ -154,7 +169,12 @@ impl Illumination {
 impl Lit {
     fn new(inputs: &Inputs<'_>) -> Result<Self, RenderError> {
         let method = inputs.snapshot.scene.method;
-        Err(RenderError::Gpu(format!("`{}` is not built", method.name())))
+        match method {
+            Method::ImageBased => {
+                Ok(Lit::ImageBased(Box::new(ImageBased::new(inputs.record_passes.clone()))))
+            }
+            _ => Err(RenderError::Gpu(format!("`{}` is not built", method.name()))),
+        }
     }
 
     fn advance(
@@ -163,19 +183,23 @@ impl Lit {
         deadline: Option<Instant>,
         counters: &mut BTreeMap<String, u64>,
     ) -> Result<Progress, RenderError> {
-        let _ = (inputs, deadline, &counters);
         match self {
+            Lit::ImageBased(records) => records.advance(inputs, deadline, counters),
             Lit::Given(_) => Ok(Progress { complete: true, completeness: 1.0, changed: true }),
         }
     }
 
     fn field(&self) -> Option<&LightField> {
         match self {
+            Lit::ImageBased(records) => records.field(),
             Lit::Given(field) => Some(field),
         }
     }
 
     fn bytes(&self) -> u64 {
-        self.field().map_or(0, LightField::bytes)
+        match self {
+            Lit::ImageBased(records) => records.bytes(),
+            Lit::Given(field) => field.bytes(),
+        }
     }
 }

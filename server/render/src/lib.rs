@@ -10,6 +10,7 @@ pub mod fit;
 mod frame;
 mod gpu;
 mod illumination;
+mod image_based;
 mod light_field;
 mod path_tracer;
 mod ray_cast;

@@ -144,7 +144,8 @@ pub struct Bindings {
     pub no_segments: wgpu::Buffer,
     /// In place of a light field where there is none.
     pub no_light: wgpu::TextureView,
-    pub light_sampler: wgpu::Sampler,
+    /// Between texels of a light field, and of the texel that holds a place.
+    pub light_samplers: [wgpu::Sampler; 2],
     pipeline_layout: wgpu::PipelineLayout,
 }
 
@@ -227,18 +228,20 @@ impl Bindings {
             usage: wgpu::TextureUsages::TEXTURE_BINDING,
             view_formats: &[],
         });
-        let light_sampler = device.create_sampler(&wgpu::SamplerDescriptor {
-            label: Some("light field"),
-            mag_filter: wgpu::FilterMode::Linear,
-            min_filter: wgpu::FilterMode::Linear,
-            ..wgpu::SamplerDescriptor::default()
+        let light_samplers = [wgpu::FilterMode::Linear, wgpu::FilterMode::Nearest].map(|filter| {
+            device.create_sampler(&wgpu::SamplerDescriptor {
+                label: Some("light field"),
+                mag_filter: filter,
+                min_filter: filter,
+                ..wgpu::SamplerDescriptor::default()
+            })
         });
         Self {
             bind_group_layout,
             sampler,
             no_segments,
             no_light: no_light.create_view(&wgpu::TextureViewDescriptor::default()),
-            light_sampler,
+            light_samplers,
             pipeline_layout,
         }
     }

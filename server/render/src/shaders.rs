@@ -21,6 +21,7 @@ pub const RAY_CAST: &str = parts!(
     "local/local.wgsl",
     "ray_cast/way.wgsl",
     "ray_cast/cells.wgsl",
+    "ray_cast/pieces.wgsl",
     "ray_cast/values.wgsl",
     "ray_cast/isosurface.wgsl",
     "ray_cast/segments.wgsl",
@@ -57,6 +58,33 @@ pub const MIX_LIGHTS: &str = parts!("path_traced/mix_lights.wgsl");
 /// `error`.
 pub const ERROR: &str = parts!("path_traced/error.wgsl");
 
+/// `march_records` of method `image_based`.
+pub const MARCH_RECORDS: &str = parts!(
+    "shared/features.wgsl",
+    "shared/frame.wgsl",
+    "shared/ray.wgsl",
+    "shared/medium.wgsl",
+    "shared/phase.wgsl",
+    "shared/light.wgsl",
+    "ray_cast/way.wgsl",
+    "ray_cast/cells.wgsl",
+    "ray_cast/pieces.wgsl",
+    "image_based/records.wgsl",
+    "image_based/march_records.wgsl",
+);
+
+/// `project_records` of method `image_based`.
+pub const PROJECT_RECORDS: &str = parts!(
+    "shared/features.wgsl",
+    "shared/frame.wgsl",
+    "shared/medium.wgsl",
+    "shared/phase.wgsl",
+    "shared/light.wgsl",
+    "shared/sh.wgsl",
+    "image_based/records.wgsl",
+    "image_based/project_records.wgsl",
+);
+
 /// `tone_map`.
 pub const TONE_MAP: &str = parts!("film/tone_map.wgsl");
 
@@ -67,5 +95,7 @@ pub const ALL: &[(&str, &str)] = &[
     ("restart_tiles", RESTART_TILES),
     ("mix_lights", MIX_LIGHTS),
     ("error", ERROR),
+    ("march_records", MARCH_RECORDS),
+    ("project_records", PROJECT_RECORDS),
     ("tone_map", TONE_MAP),
 ];

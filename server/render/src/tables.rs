@@ -213,7 +213,8 @@ pub fn ambient(scene: &Scene) -> DVec3 {
     uniform.map(|light| light.power).sum()
 }
 
-fn light(light: &Light) -> Option<uniforms::Light> {
+/// A light but environments.
+pub fn light(light: &Light) -> Option<uniforms::Light> {
     let base = uniforms::Light { power: vector(light.power), ..uniforms::Light::default() };
     let table = match light.geometry {
         LightGeometry::UniformEnvironment | LightGeometry::Environment { .. } => return None,

@@ -196,6 +196,28 @@ pub struct ToneMap {
     pub pad0: u32,
 }
 
+/// `Records` of shaders/image_based/records.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct Records {
+    pub dims: [u32; 3],
+    pub columns: u32,
+    pub first: u32,
+    pub count: u32,
+    pub directions: u32,
+    pub capacity: u32,
+    pub bands: u32,
+    pub scale: f32,
+    pub material: u32,
+    pub window: u32,
+    pub own_lights: u32,
+    pub pad0: u32,
+    pub pad1: u32,
+    pub pad2: u32,
+    pub eye: [f32; 4],
+}
+
 /// Field names and offsets of a struct, to be compared with naga's.
 pub type Layout = (&'static str, usize, Vec<(&'static str, usize)>);
 
@@ -323,6 +345,26 @@ pub fn layouts() -> Vec<Layout> {
         ),
         layout!("Mix", Mix { first_pixel, pixel_count, term_count, pad0, powers }),
         layout!("Restart", Restart { image, bins }),
+        layout!(
+            "Records",
+            Records {
+                dims,
+                columns,
+                first,
+                count,
+                directions,
+                capacity,
+                bands,
+                scale,
+                material,
+                window,
+                own_lights,
+                pad0,
+                pad1,
+                pad2,
+                eye,
+            }
+        ),
         layout!("ToneMap", ToneMap { exposure, operator_id, pixel_count, pad0 }),
     ]
 }

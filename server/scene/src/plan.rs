@@ -4,7 +4,7 @@
 //! scene. "Skip what a scene doesn't need" lives here and nowhere else.
 
 use proto::plan::PassReport;
-use proto::scene_file::Method;
+use proto::scene_file::{Method, RecordForm};
 
 use crate::changes::Changes;
 use crate::rendering::Rendering;
@@ -421,6 +421,8 @@ pub fn changes_of_light(old: &Scene, new: &Scene) -> Changes {
         clip: changes.clip && (clips(old) || clips(new)),
         clip_shadows: changes.clip_shadows,
         volume: changes.volume,
+        // Only the form of records that the paper has for media that change.
+        camera: changes.camera && new.illumination.record_form == RecordForm::Dynamic,
         lights: changes.lights,
         orders: changes.orders,
         method: changes.method,

@@ -23,6 +23,8 @@ pub(crate) struct LightField {
     /// `Rgba16Float`: coefficient k in tile (k % bands, k / bands) along x and z.
     pub texture: wgpu::Texture,
     pub view: wgpu::TextureView,
+    /// Whether a place takes the texel it lies in, instead of interpolating between texels.
+    pub nearest: bool,
     /// `Field` of the shader.
     pub uniform: wgpu::Buffer,
     gpu: Arc<Gpu>,
@@ -64,7 +66,7 @@ impl LightField {
         let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         let uniform = gpu.buffer("light field", std::mem::size_of::<uniforms::Field>() as u64, usage)?;
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
-        let field = Self { dims, bands, texture, view, uniform, gpu: gpu.clone() };
+        let field = Self { dims, bands, texture, view, nearest: false, uniform, gpu: gpu.clone() };
         field.set_scale(1.0);
         Ok(field)
     }

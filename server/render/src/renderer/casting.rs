@@ -178,7 +178,10 @@ impl Renderer {
                 texture_entry(13, tables.field.map_or(&bindings.no_light, |field| &field.view)),
                 wgpu::BindGroupEntry {
                     binding: 14,
-                    resource: wgpu::BindingResource::Sampler(&bindings.light_sampler),
+                    resource: wgpu::BindingResource::Sampler(
+                        &bindings.light_samplers
+                            [usize::from(tables.field.is_some_and(|field| field.nearest))],
+                    ),
                 },
                 buffer_entry(15, tables.field.map_or(&buffers.frame, |field| &field.uniform)),
                 texture_entry(20, tables.environment.map_or(&tables.tables.points, |image| &image.radiance)),
@@ -206,7 +209,7 @@ impl Renderer {
 }
 
 /// Counters of two words, the low one first, by their names.
-pub(super) fn name_counters(names: &[&str], bytes: &[u8], counters: &mut BTreeMap<String, u64>) {
+pub(crate) fn name_counters(names: &[&str], bytes: &[u8], counters: &mut BTreeMap<String, u64>) {
     let words: Vec<u32> = bytemuck::pod_collect_to_vec(bytes);
     for (name, pair) in names.iter().zip(words.chunks_exact(2)) {
         counters.insert((*name).to_owned(), u64::from(pair[0]) | u64::from(pair[1]) << 32);

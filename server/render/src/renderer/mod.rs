@@ -20,6 +20,7 @@ use crate::error::RenderError;
 use crate::film::ToneMapper;
 use crate::gpu::Gpu;
 use crate::illumination::Inputs;
+use crate::image_based;
 use crate::path_tracer::{PathTracer, PathVariant};
 use crate::ray_cast::{RayCaster, Variant, WORKGROUP_EDGE};
 use crate::tables;
@@ -29,11 +30,12 @@ use crate::view::{
 };
 use crate::volume_texture::{DEFAULT_GPU_BYTES, VolumeCache};
 use crate::warm_up::warm_up_scene;
+pub(crate) use casting::name_counters;
 pub use tracing::PathEstimate;
 pub(crate) use tracing::PathFilm;
 
 /// Methods that can be drawn.
-pub const METHODS_BUILT: &[Method] = &[Method::Local, Method::PathTraced];
+pub const METHODS_BUILT: &[Method] = &[Method::Local, Method::ImageBased, Method::PathTraced];
 
 /// Light computed ahead may take this share of a call's budget; the rest is for the picture.
 const LIGHT_SHARE_OF_BUDGET: f64 = 0.5;
@@ -44,6 +46,7 @@ pub struct Renderer {
     volumes: Arc<VolumeCache>,
     ray_caster: Arc<RayCaster>,
     path_tracer: Arc<PathTracer>,
+    record_passes: Arc<image_based::Passes>,
     tone_mapper: ToneMapper,
 }
 
@@ -165,7 +168,8 @@ pub fn check(scene: &Scene) -> Result<(), FieldError> {
     }
     if METHODS_BUILT.contains(&scene.method) || cfg!(test) {
         // Projections and slices show data, not light.
-        if !scene.rendering.is_lit() {
+        let takes_images = scene.method == Method::ImageBased && scene.has_light_field();
+        if !scene.rendering.is_lit() || takes_images {
             return Ok(());
         }
         let Some(light) = scene.lights.iter().find(image) else { return Ok(()) };
@@ -190,9 +194,10 @@ impl Renderer {
         let volumes = Arc::new(VolumeCache::new(gpu.clone(), DEFAULT_GPU_BYTES));
         let ray_caster = Arc::new(RayCaster::new(gpu.clone()));
         let path_tracer = Arc::new(PathTracer::new(gpu.clone()));
+        let record_passes = Arc::new(image_based::Passes::new(gpu.clone()));
         let tone_mapper = ToneMapper::new(gpu.clone())?;
         gpu.take_error()?;
-        Ok(Self { gpu, volumes, ray_caster, path_tracer, tone_mapper })
+        Ok(Self { gpu, volumes, ray_caster, path_tracer, record_passes, tone_mapper })
     }
 
     /// Draws a few pixels with each common variant, so that no viewer waits for a compiler (the
@@ -322,6 +327,8 @@ impl Renderer {
             tables,
             lights,
             majorants: view.majorants.as_ref().map(|(_, map)| map),
+            distance_map: view.distance_map.as_ref().map(|(_, map)| map),
+            record_passes: &self.record_passes,
             environment: view.environment.as_ref().map(|(_, tables)| tables),
         })
     }
@@ -432,38 +439,13 @@ impl Renderer {
     ) -> Result<wgpu::TextureView, RenderError> {
         let size = wgpu::Extent3d { width, height, depth_or_array_layers: 1 };
         let dimension = wgpu::TextureDimension::D2;
-        self.texture(label, size, dimension, wgpu::TextureFormat::Rgba32Float, bytemuck::cast_slice(texels))
-    }
-
-    /// A texture with contents.
-    fn texture(
-        &self,
-        label: &str,
-        size: wgpu::Extent3d,
-        dimension: wgpu::TextureDimension,
-        format: wgpu::TextureFormat,
-        bytes: &[u8],
-    ) -> Result<wgpu::TextureView, RenderError> {
-        let descriptor = wgpu::TextureDescriptor {
-            label: Some(label),
+        self.gpu.filled_texture(
+            label,
             size,
-            mip_level_count: 1,
-            sample_count: 1,
             dimension,
-            format,
-            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
-            view_formats: &[],
-        };
-        let create = || self.gpu.device.create_texture(&descriptor);
-        let texture = self.gpu.allocating(label, bytes.len() as u64, create)?;
-        let rows = size.height * size.depth_or_array_layers;
-        let layout = wgpu::TexelCopyBufferLayout {
-            offset: 0,
-            bytes_per_row: Some(bytes.len() as u32 / rows),
-            rows_per_image: Some(size.height),
-        };
-        self.gpu.queue.write_texture(texture.as_image_copy(), bytes, layout, size);
-        Ok(texture.create_view(&wgpu::TextureViewDescriptor::default()))
+            wgpu::TextureFormat::Rgba32Float,
+            bytemuck::cast_slice(texels),
+        )
     }
 
     /// A uniform array with room for `capacity` values, as the shader declares it.
@@ -491,7 +473,7 @@ impl Renderer {
         let [width, height, depth] = cells.dims.map(|n| n as u32);
         let size = wgpu::Extent3d { width, height, depth_or_array_layers: depth };
         let dimension = wgpu::TextureDimension::D3;
-        self.texture(label, size, dimension, wgpu::TextureFormat::R8Uint, bytes)
+        self.gpu.filled_texture(label, size, dimension, wgpu::TextureFormat::R8Uint, bytes)
     }
 
     /// Makes the film the newest snapshot's: kept, refined or begun again.

@@ -163,7 +163,7 @@ impl Renderer {
         let [width, height, depth] = scene.volume.macrocells.dims.map(|n| n as u32);
         let size = wgpu::Extent3d { width, height, depth_or_array_layers: depth };
         let (dimension, format) = (wgpu::TextureDimension::D3, wgpu::TextureFormat::Rgba32Uint);
-        self.texture("majorants", size, dimension, format, bytemuck::cast_slice(&texels))
+        self.gpu.filled_texture("majorants", size, dimension, format, bytemuck::cast_slice(&texels))
     }
 
     /// The environment image and the table its directions are drawn with; a black texel without one.

@@ -1,3 +1,5 @@
 //! Functions on the sphere.
 
+pub mod healpix;
 pub mod sh;
+pub mod sky;

@@ -1,0 +1,464 @@
+//! Method `image_based`: records of the light that arrives, on a coarse grid (shaders/image_based/).
+
+mod arriving;
+mod passes;
+mod slots;
+mod stale;
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests;
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Instant;
+
+use glam::DVec3;
+use proto::scene_file::{Filter, RecordForm, RecordLookup};
+use scene::camera::Projection;
+use scene::spherical::healpix;
+use scene::{Records, Scene, Snapshot, records};
+
+use crate::error::RenderError;
+use crate::frame::frame_uniform;
+use crate::gpu::Gpu;
+use crate::illumination::{Inputs, Progress};
+use crate::light_field::LightField;
+use crate::tables;
+use crate::uniforms;
+use crate::view::FilmCache;
+use arriving::{Arriving, Skies, has_own_ray};
+pub(crate) use passes::Passes;
+use passes::{Bound, Buffers, COUNTER_BYTES, COUNTERS, Chunk, PassVariant};
+use slots::{CHUNK_SLOTS, Slots};
+use stale::{Stale, staleness};
+
+/// What rays of a session may take on a device with memory of its own, bytes.
+const MAX_RAY_BYTES: u64 = 1 << 30;
+/// The same on a software device.
+const MAX_RAY_BYTES_IN_SOFTWARE: u64 = 256 << 20;
+/// Room for lights with a ray of their own is made for so many at a time: switching one on or off
+/// then moves nothing.
+const LIGHTS_AT_ONCE: usize = 4;
+/// Length a slice aims at, milliseconds.
+const SLICE_MILLIS: f64 = 20.0;
+/// Rays, or products of a ray with a light, of the first slice, whose speed is unknown.
+const FIRST_SLICE: f64 = 16_384.0;
+
+/// Records of a session.
+pub(crate) struct ImageBased {
+    passes: Arc<Passes>,
+    kept: Option<Kept>,
+    skies: Skies,
+    /// Milliseconds per ray that may have to be cast, and per product of a ray with a light.
+    millis_per_ray: f64,
+    millis_per_product: f64,
+}
+
+/// What decides which rays there are and how they are laid out.
+#[derive(Debug, Clone, PartialEq)]
+struct Shape {
+    volume: [u8; 32],
+    size_world: DVec3,
+    filter: Filter,
+    dims: [u32; 3],
+    nside: u32,
+    /// Columns of rays there is room for.
+    columns: u32,
+    glow: bool,
+}
+
+struct Kept {
+    shape: Shape,
+    slots: Slots,
+    chunks: Vec<Chunk>,
+    buffers: Buffers,
+    field: LightField,
+    /// Which scene's matter, and lookup, decided where records are.
+    placed: Option<Arc<Snapshot>>,
+    /// The light that coefficients are to be the product with, and its number.
+    light: Option<Lit>,
+    lit: u64,
+}
+
+struct Lit {
+    snapshot: Arc<Snapshot>,
+    arriving: Arriving,
+    products: wgpu::TextureView,
+}
+
+impl ImageBased {
+    pub fn new(passes: Arc<Passes>) -> Self {
+        Self { passes, kept: None, skies: Skies::default(), millis_per_ray: 0.0, millis_per_product: 0.0 }
+    }
+
+    pub fn field(&self) -> Option<&LightField> {
+        self.kept.as_ref().map(|kept| &kept.field)
+    }
+
+    pub fn bytes(&self) -> u64 {
+        self.kept.as_ref().map_or(0, |kept| {
+            let words = if kept.shape.glow { 4 } else { 1 };
+            kept.field.bytes() + kept.chunks.len() as u64 * Chunk::bytes(kept.shape.columns, words)
+        })
+    }
+
+    /// Brings records to the snapshot until the deadline, at least one slice.
+    pub fn advance(
+        &mut self,
+        inputs: &Inputs<'_>,
+        deadline: Option<Instant>,
+        counters: &mut BTreeMap<String, u64>,
+    ) -> Result<Progress, RenderError> {
+        let scene = &inputs.snapshot.scene;
+        let shape = Shape::of(scene, inputs.gpu);
+        if self.kept.as_ref().is_none_or(|kept| kept.shape != shape) {
+            // The old rays go first: both need not fit at once.
+            self.kept = None;
+            self.kept = Some(Kept::new(inputs.gpu, shape, Records::of(scene).bands_read(scene))?);
+        }
+        let Some(kept) = &mut self.kept else {
+            return Err(RenderError::Gpu("records are missing".into()));
+        };
+        kept.place(inputs.snapshot);
+        let all_at_once = kept.relight(inputs, &mut self.skies)?;
+        let base = kept.slots.base_of(inputs.snapshot);
+        let mut staleness_of: Vec<(u32, Stale)> = Vec::new();
+        for (id, held) in kept.slots.bases() {
+            let stale = staleness(Some(&held.scene), scene, kept.shape.nside);
+            if id != base && !stale.any() {
+                kept.slots.rename(id, base);
+            }
+            staleness_of.push((id, stale));
+        }
+        kept.write_scene(inputs)?;
+        let distance_map = inputs.distance_map.ok_or_else(|| missing("distance map"))?;
+        inputs.gpu.queue.write_buffer(&kept.buffers.counters, 0, &[0; COUNTER_BYTES as usize]);
+        let lit = kept.lit;
+        let mut changed = false;
+        let run = Run { passes: &self.passes, inputs, distance_map };
+        let left = kept.slots.take_left();
+        if !left.is_empty() && !kept.chunks.is_empty() {
+            run.clear(kept, &left)?;
+            changed = true;
+        }
+        let late = |deadline: Option<Instant>| deadline.is_some_and(|deadline| Instant::now() >= deadline);
+        'groups: for group in kept.slots.todo(base, lit) {
+            let of_base = group.base.as_ref().and_then(|base| kept.slots.base_id(base));
+            let nothing_cast = Stale::everything(kept.shape.nside, scene);
+            let stale =
+                staleness_of.iter().find(|(id, _)| Some(*id) == of_base).map_or(&nothing_cast, |(_, s)| s);
+            let changed_map = match stale.distances(scene) {
+                Some(distances) if stale.any() => Some(cell_map(inputs.gpu, scene, &distances)?),
+                _ => None,
+            };
+            let tested = changed_map.as_ref().unwrap_or(distance_map);
+            let mut rest = &group.entries[..];
+            while !rest.is_empty() {
+                let rate = if stale.any() { &mut self.millis_per_ray } else { &mut self.millis_per_product };
+                let per_record = match stale.any() {
+                    true => kept.shape.columns,
+                    false => kept.shape.columns * kept.field.bands * kept.field.bands,
+                };
+                let count = slice(rest.len(), f64::from(per_record), *rate, deadline);
+                let (now, later) = rest.split_at(count);
+                let began = Instant::now();
+                run.work(kept, group.chunk, now, stale, tested)?;
+                *rate = began.elapsed().as_secs_f64() * 1e3 / (count as f64 * f64::from(per_record));
+                kept.slots.finish(group.chunk, now, base, lit);
+                changed = true;
+                rest = later;
+                if late(deadline) && (stale.any() || !all_at_once) {
+                    break 'groups;
+                }
+            }
+        }
+        if changed {
+            let bytes = inputs.gpu.read_buffer(&kept.buffers.counters, COUNTER_BYTES)?;
+            crate::renderer::name_counters(&COUNTERS, &bytes, counters);
+        }
+        let (done, all) = (kept.slots.done(base, lit), kept.slots.len());
+        counters.insert("records".into(), all as u64);
+        let clamped = kept.light.as_ref().map_or(0.0, |light| light.arriving.clamped_share);
+        counters.insert("record_light_clamped_ppm".into(), (clamped * 1e6).round() as u64);
+        let completeness = if all == 0 { 1.0 } else { done as f32 / all as f32 };
+        Ok(Progress { complete: done == all, completeness, changed })
+    }
+}
+
+fn missing(what: &str) -> RenderError {
+    RenderError::Gpu(format!("the {what} of the view is missing"))
+}
+
+/// Records of the next slice.
+fn slice(left: usize, per_record: f64, millis: f64, deadline: Option<Instant>) -> usize {
+    let aim = deadline.map_or(SLICE_MILLIS, |deadline| {
+        let left = deadline.saturating_duration_since(Instant::now()).as_secs_f64() * 1e3;
+        left.clamp(0.25 * SLICE_MILLIS, SLICE_MILLIS)
+    });
+    let items = if millis > 0.0 { aim / millis } else { FIRST_SLICE };
+    ((items / per_record) as usize).clamp(passes::GROUP as usize, CHUNK_SLOTS as usize).min(left)
+}
+
+impl Shape {
+    fn of(scene: &Scene, gpu: &Gpu) -> Self {
+        let settings = Records::of(scene);
+        let dims = settings.dims(&scene.grid);
+        let own = scene.lights.iter().filter(|light| has_own_ray(light, settings.form)).count();
+        let lights = own.div_ceil(LIGHTS_AT_ONCE) * LIGHTS_AT_ONCE;
+        let columns = |nside: u32| (healpix::pixel_count(nside as usize) + lights) as u32;
+        let glow = scene.glows();
+        let most = if gpu.info().software { MAX_RAY_BYTES_IN_SOFTWARE } else { MAX_RAY_BYTES };
+        let records = dims.iter().map(|&n| u64::from(n)).product::<u64>();
+        let bytes = |nside: u32| {
+            Chunk::bytes(columns(nside), if glow { 4 } else { 1 }) * records.div_ceil(u64::from(CHUNK_SLOTS))
+        };
+        let mut nside = settings.nside;
+        // From settings and volume alone, so that every way to a scene ends with the same records.
+        while nside > 1 && bytes(nside) > most {
+            nside /= 2;
+        }
+        Self {
+            volume: scene.volume.content,
+            size_world: scene.grid.size_world,
+            filter: scene.filter,
+            dims,
+            nside,
+            columns: columns(nside),
+            glow,
+        }
+    }
+}
+
+impl Kept {
+    fn new(gpu: &Arc<Gpu>, shape: Shape, bands: u32) -> Result<Self, RenderError> {
+        Ok(Self {
+            slots: Slots::new(shape.dims),
+            chunks: Vec::new(),
+            buffers: Buffers::new(gpu, shape.columns)?,
+            field: LightField::new(gpu, shape.dims, bands)?,
+            placed: None,
+            light: None,
+            lit: 0,
+            shape,
+        })
+    }
+
+    /// Decides where records are.
+    fn place(&mut self, snapshot: &Arc<Snapshot>) {
+        let scene = &snapshot.scene;
+        let lookup = Records::of(scene).lookup;
+        let same = |old: &Scene| {
+            old.bins_with_matter() == scene.bins_with_matter() && Records::of(old).lookup == lookup
+        };
+        if self.placed.as_ref().is_none_or(|placed| !same(&placed.scene)) {
+            self.slots.keep(&records::needed(scene, self.shape.dims, lookup));
+            self.placed = Some(snapshot.clone());
+        }
+        self.field.nearest = lookup == RecordLookup::Containing;
+    }
+
+    /// Takes over the snapshot's light. Whether all coefficients have to follow at once, because those
+    /// of the light before cannot stand beside them.
+    fn relight(&mut self, inputs: &Inputs<'_>, skies: &mut Skies) -> Result<bool, RenderError> {
+        let scene = &inputs.snapshot.scene;
+        if self.light.as_ref().is_some_and(|light| same_light(&light.snapshot.scene, scene)) {
+            return Ok(false);
+        }
+        let bands = Records::of(scene).bands_read(scene);
+        let arriving = Arriving::of(scene, self.shape.nside as usize, bands as usize, skies);
+        let mut at_once = self.light.as_ref().is_some_and(|light| light.arriving.scale != arriving.scale);
+        if bands != self.field.bands {
+            self.field = LightField::new(inputs.gpu, self.shape.dims, bands)?;
+            at_once = self.light.is_some();
+        }
+        self.field.set_scale(arriving.scale);
+        let size = wgpu::Extent3d {
+            width: arriving.products.len() as u32 / (bands * bands),
+            height: bands * bands,
+            depth_or_array_layers: 1,
+        };
+        let texels = bytemuck::cast_slice(&arriving.products);
+        let products = inputs.gpu.filled_texture(
+            "light of records",
+            size,
+            wgpu::TextureDimension::D2,
+            wgpu::TextureFormat::Rgba32Float,
+            texels,
+        )?;
+        let lights: Vec<uniforms::Light> = arriving.lights.iter().filter_map(tables::light).collect();
+        inputs.gpu.queue.write_buffer(&self.buffers.lights, 0, bytemuck::cast_slice(&lights));
+        self.light = Some(Lit { snapshot: inputs.snapshot.clone(), arriving, products });
+        self.lit += 1;
+        Ok(at_once)
+    }
+
+    /// What all dispatches of a scene read.
+    fn write_scene(&self, inputs: &Inputs<'_>) -> Result<(), RenderError> {
+        let scene = &inputs.snapshot.scene;
+        let film = FilmCache {
+            snapshot: inputs.snapshot.clone(),
+            width: 1,
+            height: 1,
+            samples: 0,
+            rows: 0,
+            in_segments: false,
+            light_version: 0,
+        };
+        let mut frame = frame_uniform(scene, inputs.texture, &film);
+        if scene.clip.shadows {
+            // What is clipped stands in the way of light all the same.
+            let half = 0.5 * scene.grid.size_world;
+            (frame.clip_low, frame.clip_high) = (tables::vector(-half), tables::vector(half));
+            frame.plane_count = 0;
+        }
+        inputs.gpu.queue.write_buffer(&self.buffers.frame, 0, bytemuck::bytes_of(&frame));
+        Ok(())
+    }
+
+    fn own_lights(&self) -> u32 {
+        self.light.as_ref().map_or(0, |light| light.arriving.lights.len() as u32)
+    }
+
+    fn directions(&self) -> u32 {
+        healpix::pixel_count(self.shape.nside as usize) as u32
+    }
+
+    fn uniform(&self, scene: &Scene, count: u32) -> uniforms::Records {
+        let settings = Records::of(scene);
+        let camera = &scene.camera;
+        let eye = match camera.projection {
+            Projection::Perspective { .. } => camera.eye.extend(1.0),
+            Projection::Orthographic { .. } => (-camera.forward).extend(0.0),
+        };
+        uniforms::Records {
+            dims: self.shape.dims,
+            columns: self.shape.columns,
+            first: 0,
+            count,
+            directions: self.directions(),
+            capacity: CHUNK_SLOTS,
+            bands: self.field.bands,
+            scale: self.light.as_ref().map_or(1.0, |light| light.arriving.scale),
+            material: densest_material(scene) as u32,
+            window: u32::from(settings.window && settings.form == RecordForm::Product),
+            own_lights: self.own_lights(),
+            pad0: 0,
+            pad1: 0,
+            pad2: 0,
+            eye: eye.as_vec4().to_array(),
+        }
+    }
+}
+
+/// Whether coefficients of one scene are, with the same rays, those of the other.
+fn same_light(old: &Scene, new: &Scene) -> bool {
+    let (a, b) = (Records::of(old), Records::of(new));
+    let brightest = |scene: &Scene| {
+        let points = scene.transfer_function.points.iter();
+        points.map(|point| point.emission.max_element()).fold(0.0, f64::max)
+    };
+    let folded = |scene: &Scene| scene.materials[densest_material(scene)].phase.clone();
+    let same_eye = || old.camera == new.camera && folded(old) == folded(new);
+    (a.bands, a.form, a.window) == (b.bands, b.form, b.window)
+        && a.bands_read(old) == b.bands_read(new)
+        && old.lights == new.lights
+        && brightest(old) == brightest(new)
+        && (b.form != RecordForm::Dynamic || same_eye())
+}
+
+/// The material whose phase function stands for all where only one can.
+fn densest_material(scene: &Scene) -> usize {
+    let points = scene.transfer_function.points.iter();
+    points.max_by(|a, b| a.sigma_t.total_cmp(&b.sigma_t)).map_or(0, |point| point.material)
+}
+
+/// One call's dispatches.
+struct Run<'a> {
+    passes: &'a Passes,
+    inputs: &'a Inputs<'a>,
+    distance_map: &'a wgpu::TextureView,
+}
+
+impl Run<'_> {
+    fn variant(&self, kept: &Kept) -> PassVariant {
+        let scene = &self.inputs.snapshot.scene;
+        PassVariant {
+            nearest: kept.shape.filter == Filter::Nearest,
+            quads: self.inputs.texture.quads.is_some(),
+            glow: kept.shape.glow,
+            dynamic: Records::of(scene).form == RecordForm::Dynamic,
+        }
+    }
+
+    fn bound<'b>(
+        &'b self,
+        kept: &'b Kept,
+        changed_map: &'b wgpu::TextureView,
+    ) -> Result<Bound<'b>, RenderError> {
+        let light = kept.light.as_ref().ok_or_else(|| missing("light of records"))?;
+        Ok(Bound {
+            buffers: &kept.buffers,
+            texture: self.inputs.texture,
+            tables: self.inputs.tables,
+            distance_map: self.distance_map,
+            changed_map,
+            products: &light.products,
+            field: &kept.field,
+        })
+    }
+
+    /// Casts what is stale of some records' rays, and writes their coefficients.
+    fn work(
+        &self,
+        kept: &mut Kept,
+        chunk: usize,
+        entries: &[[u32; 2]],
+        stale: &Stale,
+        changed_map: &wgpu::TextureView,
+    ) -> Result<(), RenderError> {
+        let gpu = self.inputs.gpu;
+        while kept.chunks.len() <= chunk {
+            let words = self.variant(kept).words();
+            kept.chunks.push(Chunk::new(gpu, kept.shape.columns, words)?);
+        }
+        self.write(kept, entries, stale.columns());
+        let bound = self.bound(kept, changed_map)?;
+        let (records, columns) = (entries.len() as u32, kept.directions() + kept.own_lights());
+        if stale.any() {
+            self.passes.march(self.variant(kept), &kept.chunks[chunk], &bound, records, columns);
+        }
+        self.passes.project(self.variant(kept), &kept.chunks[chunk], &bound, records);
+        gpu.wait()
+    }
+
+    /// Makes the texels of cells nothing.
+    fn clear(&self, kept: &Kept, cells: &[u32]) -> Result<(), RenderError> {
+        /// An entry with this bit is none any more; `LEFT` in the shader.
+        const LEFT: u32 = 1 << 31;
+        let Some(chunk) = kept.chunks.first() else { return Ok(()) };
+        for some in cells.chunks(CHUNK_SLOTS as usize) {
+            let entries: Vec<[u32; 2]> = some.iter().map(|cell| [0, cell | LEFT]).collect();
+            self.write(kept, &entries, &[]);
+            let bound = self.bound(kept, self.distance_map)?;
+            self.passes.project(self.variant(kept), chunk, &bound, entries.len() as u32);
+            self.inputs.gpu.wait()?;
+        }
+        Ok(())
+    }
+
+    fn write(&self, kept: &Kept, entries: &[[u32; 2]], columns: &[[f32; 4]]) {
+        let queue = &self.inputs.gpu.queue;
+        let uniform = kept.uniform(&self.inputs.snapshot.scene, entries.len() as u32);
+        queue.write_buffer(&kept.buffers.records, 0, bytemuck::bytes_of(&uniform));
+        queue.write_buffer(&kept.buffers.entries, 0, bytemuck::cast_slice(entries));
+        queue.write_buffer(&kept.buffers.columns, 0, bytemuck::cast_slice(columns));
+    }
+}
+
+/// A byte per macrocell.
+fn cell_map(gpu: &Gpu, scene: &Scene, bytes: &[u8]) -> Result<wgpu::TextureView, RenderError> {
+    let [width, height, depth] = scene.volume.macrocells.dims.map(|n| n as u32);
+    let size = wgpu::Extent3d { width, height, depth_or_array_layers: depth };
+    let (dimension, format) = (wgpu::TextureDimension::D3, wgpu::TextureFormat::R8Uint);
+    gpu.filled_texture("map of changes for records", size, dimension, format, bytes)
+}

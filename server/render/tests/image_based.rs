@@ -1,0 +1,289 @@
+//! Method `image_based` against closed forms; and what edits redo.
+
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod common;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use common::{draw, homogeneous, json_merge, prepared, radiance, renderer, snapshot, target};
+use glam::DVec3;
+use proptest::prelude::*;
+use reference::closed_forms::{HomogeneousBox, henyey_greenstein, isotropic};
+use render::{DrawRequest, Drawn, View};
+use scene::plan::Pass;
+use scene::{PreparedVolume, Volume, Voxels};
+use serde_json::{Value, json};
+
+const SIGMA_T: f64 = 3.0;
+const ALBEDO: f64 = 0.8;
+
+fn cube(settings: Value, lights: Value, phase: Value) -> Value {
+    let mut illumination = json!({"method": "image_based", "records": 32, "record_directions": 192});
+    json_merge(&mut illumination, settings);
+    json!({"illumination": illumination, "lights": lights,
+        "materials": {"m": {"phase": phase}},
+        "transfer_function": {"points": [{"s": 0, "extinction": SIGMA_T, "albedo": [ALBEDO, ALBEDO, ALBEDO], "material": "m"}]},
+        "camera": {"position": [1.3, 0.9, 1.7], "target": [0, 0, 0], "up": [0, 1, 0], "fov_y_degrees": 35},
+        "sampling": {"termination_transmittance": 0, "step_voxels": 0.5}})
+}
+
+/// Relative L2 difference of a picture of the cube from a formula of the view ray.
+fn off(scene: Value, formula: impl Fn((DVec3, DVec3)) -> f64) -> f64 {
+    let snapshot = snapshot(&homogeneous([16; 3]), scene, 1);
+    let (width, height) = (20, 16);
+    let image = radiance(&snapshot, target(width, height, 1));
+    let (mut difference, mut all) = (0.0, 0.0);
+    for y in 0..height {
+        for x in 0..width {
+            let ray = snapshot.scene.camera.ray(f64::from(x) + 0.5, f64::from(y) + 0.5, width, height);
+            let expected = formula(ray);
+            let got = f64::from(image.rgb[3 * (y * width + x) as usize]);
+            difference += (got - expected).powi(2);
+            all += expected * expected;
+        }
+    }
+    (difference / all).sqrt()
+}
+
+const CUBE: HomogeneousBox = HomogeneousBox { size: DVec3::ONE, sigma_t: SIGMA_T };
+
+#[test]
+fn single_scattering_of_a_uniform_environment() {
+    let sky = json!([{"type": "environment", "radiance": [2, 2, 2]}]);
+    let scene = |settings| cube(settings, sky.clone(), json!({"type": "isotropic"}));
+    let expected = |ray| CUBE.lit_by_environment(ray, 2.0, isotropic(ALBEDO));
+    let found = off(scene(json!({})), expected);
+    eprintln!("uniform environment: {found:.2e}");
+    assert!(found < 0.01, "{found}");
+    // The comparison can fail: the paper's cells, one record for each.
+    let rough = off(scene(json!({"record_lookup": "containing", "records": 4})), expected);
+    assert!(rough > 3.0 * found && rough > 0.02, "{rough}");
+}
+
+#[test]
+fn single_scattering_of_a_sun_and_of_a_lamp() {
+    let travel = DVec3::new(-0.36, -0.8, 0.48);
+    let sun = json!([{"type": "directional", "direction": travel.to_array(), "irradiance": [3, 3, 3]}]);
+    let scene = |lights| cube(json!({"record_directions": 12}), lights, json!({"type": "isotropic"}));
+    let found = off(scene(sun), |ray| CUBE.lit_by_directional(ray, (travel, 3.0), isotropic(ALBEDO)));
+    eprintln!("directional: {found:.2e}");
+    assert!(found < 0.02, "{found}");
+    let place = DVec3::new(0.4, 1.1, 0.3);
+    let lamp = json!([{"type": "point", "position": place.to_array(), "intensity": [3, 3, 3]}]);
+    let found = off(scene(lamp), |ray| CUBE.lit_by_point(ray, (place, 3.0), isotropic(ALBEDO)));
+    eprintln!("point: {found:.2e}");
+    assert!(found < 0.02, "{found}");
+}
+
+#[test]
+fn phase_functions_act_band_by_band() {
+    let (g, bands) = (0.4, 6);
+    let phase = json!({"type": "henyey_greenstein", "g": g});
+    let sky = json!([{"type": "environment", "radiance": [2, 2, 2]}]);
+    let scene = |bands: u32| cube(json!({"record_bands": bands}), sky.clone(), phase.clone());
+    let expected = |ray| CUBE.lit_by_environment(ray, 2.0, henyey_greenstein(ALBEDO, g));
+    let found = off(scene(bands), expected);
+    let few = off(scene(1), expected);
+    eprintln!("henyey-greenstein: {found:.2e}, with one band {few:.2e}");
+    assert!(found < 0.01, "{found}");
+    assert!(few > 2.0 * found, "{few}");
+    let travel = DVec3::new(-0.36, -0.8, 0.48);
+    let sun = json!([{"type": "directional", "direction": travel.to_array(), "irradiance": [3, 3, 3]}]);
+    let found = off(cube(json!({"record_bands": 6}), sun, phase), |ray| {
+        CUBE.lit_by_directional(ray, (travel, 3.0), henyey_greenstein(ALBEDO, g))
+    });
+    eprintln!("henyey-greenstein, sun: {found:.2e}");
+    assert!(found < 0.03, "{found}");
+}
+
+#[test]
+fn the_papers_forms_agree_where_they_claim_to() {
+    let sky = json!([{"type": "environment", "radiance": [2, 2, 2]}]);
+    let isotropic_phase = json!({"type": "isotropic"});
+    let expected = |ray| CUBE.lit_by_environment(ray, 2.0, isotropic(ALBEDO));
+    for form in ["isotropic", "static", "dynamic"] {
+        let found = off(cube(json!({"record_form": form}), sky.clone(), isotropic_phase.clone()), expected);
+        eprintln!("{form}: {found:.2e}");
+        assert!(found < 0.02, "{form}: {found}");
+    }
+    let g = 0.4;
+    let phase = json!({"type": "henyey_greenstein", "g": g});
+    let expected = |ray| CUBE.lit_by_environment(ray, 2.0, henyey_greenstein(ALBEDO, g));
+    for (form, most) in [("static", 0.02), ("dynamic", 0.02)] {
+        let found = off(cube(json!({"record_form": form}), sky.clone(), phase.clone()), expected);
+        eprintln!("{form}, henyey-greenstein: {found:.2e}");
+        assert!(found < most, "{form}: {found}");
+    }
+}
+
+/// Two blobs in air.
+fn blobs() -> Arc<PreparedVolume> {
+    let dims = [40usize, 33, 28];
+    let voxels = (0..dims.iter().product::<usize>()).map(|i| {
+        let p = DVec3::new((i % 40) as f64, (i / 40 % 33) as f64, (i / 1320) as f64);
+        let bump = |c: DVec3, r: f64| (1.0 - (p - c).length() / r).max(0.0);
+        let value = bump(DVec3::new(9.0, 9.0, 9.0), 8.0) + 0.6 * bump(DVec3::new(30.0, 22.0, 20.0), 7.0);
+        (value * 60000.0).min(65535.0) as u16
+    });
+    prepared(Volume::new(dims, Voxels::U16(voxels.collect())))
+}
+
+fn base() -> Value {
+    json!({
+        "transfer_function": {"points": [{"s": 0, "extinction": 0}, {"s": 0.1, "extinction": 0}, {"s": 0.3, "extinction": 60, "albedo": [0.9, 0.5, 0.2], "material": "skin"}, {"s": 1, "extinction": 200, "material": "skin"}]},
+        "materials": {"skin": {"surface": 0.5, "phase": {"type": "henyey_greenstein", "g": 0.3}, "brdf": {"type": "blinn_phong", "diffuse": 0.8, "specular": 0.2, "exponent": 30}}},
+        "lights": [{"id": "key", "type": "directional", "direction": [-1, -1, -1], "irradiance": [3, 3, 3]}, {"id": "sky", "type": "environment", "radiance": [0.2, 0.2, 0.3]}],
+        "camera": {"position": [1.0, 0.7, 1.6], "target": [0, 0, 0], "up": [0, 1, 0], "fov_y_degrees": 40},
+        "illumination": {"method": "image_based", "records": 14, "record_directions": 12}
+    })
+}
+
+fn settings(patch: Value) -> Value {
+    let mut illumination = base()["illumination"].clone();
+    json_merge(&mut illumination, patch);
+    json!({"illumination": illumination})
+}
+
+/// An edit of one part of the scene.
+fn any_edit() -> impl Strategy<Value = Value> {
+    let key = |e: f64, x: f64| json!({"id": "key", "type": "directional", "direction": [x, -1, -1], "irradiance": [e, e, 1]});
+    prop_oneof![
+        (0.02..0.6f64, 1.0..300.0f64).prop_map(|(s, top)| json!({"transfer_function": {"points": [{"s": 0, "extinction": 0}, {"s": s, "extinction": 0}, {"s": s + 0.1, "extinction": top, "material": "skin"}, {"s": 1, "extinction": top}]}})),
+        (0.0..1.0f64).prop_map(|g| json!({"transfer_function": {"points": [{"s": 0, "extinction": 0}, {"s": 0.1, "extinction": 0}, {"s": 0.5, "extinction": 90, "albedo": [g, g, 0.3]}, {"s": 0.5, "extinction": 0}]}})),
+        (0.1..1.0f64).prop_map(|g| json!({"transfer_function": {"points": [{"s": 0, "extinction": 0}, {"s": 0.2, "extinction": 0}, {"s": 0.5, "extinction": 40, "albedo": [0.5, 0.5, 0.3], "emission": [g, 0, 0.1]}]}})),
+        (-1.0..1.0f64, -1.0..1.0f64).prop_map(|(x, y)| json!({"camera": {"position": [x, y, 1.7], "target": [0, 0, 0], "up": [0, 1, 0], "fov_y_degrees": 40}})),
+        (0.0..50.0f64, -1.0..1.0f64).prop_map(move |(e, x)| json!({"lights": [key(e, x)]})),
+        (0.0..5.0f64).prop_map(move |e| json!({"lights": [{"id": "lamp", "type": "point", "position": [0.3, 0.1, e], "intensity": [e, 1, 1]}, key(e, -1.0)]})),
+        (0.0..5.0f64).prop_map(|e| json!({"lights": [{"id": "sky", "type": "environment", "radiance": [e, 0.3, 1]}]})),
+        (0.1..1.0f64, any::<bool>()).prop_map(|(x, shadows)| json!({"clip": {"box": [[0, 0, 0], [x, 1, 1]], "shadows": shadows}})),
+        (0.2..3.0f64).prop_map(|d| json!({"density": d})),
+        prop_oneof![Just("linear"), Just("nearest")].prop_map(|f| json!({"volume": {"builtin": "homogeneous", "filter": f}})),
+        (0.3..1.0f64).prop_map(|top| json!({"value_range": [0, top * 60000.0]})),
+        prop_oneof![Just("product"), Just("isotropic"), Just("static"), Just("dynamic")].prop_map(|form| settings(json!({"record_form": form}))),
+        prop_oneof![Just("trilinear"), Just("containing")].prop_map(|lookup| settings(json!({"record_lookup": lookup}))),
+        (1..6u32).prop_map(|bands| settings(json!({"record_bands": bands, "record_window": bands > 3}))),
+    ]
+}
+
+fn merged(edits: &[Value]) -> Value {
+    let mut scene = base();
+    edits.iter().for_each(|edit| json_merge(&mut scene, edit.clone()));
+    scene
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 16, ..ProptestConfig::default() })]
+
+    /// Also where each edit comes before the one before it has been worked on to its end.
+    #[test]
+    fn incremental_equals_from_scratch(edits in prop::collection::vec(any_edit(), 1..6), hurried in any::<bool>()) {
+        let volume = blobs();
+        let mut renderer = renderer();
+        let mut running = View::new();
+        for count in 0..=edits.len() {
+            let newest = snapshot(&volume, merged(&edits[..count]), count as u32 + 1);
+            if hurried && count < edits.len() {
+                let request = DrawRequest { snapshot: &newest, target: target(16, 16, 1), budget: Some(Duration::from_millis(1)) };
+                renderer.draw(&mut running, &request).unwrap();
+                continue;
+            }
+            draw(&mut renderer, &mut running, &newest, target(40, 32, 1));
+            let mut fresh = View::new();
+            draw(&mut renderer, &mut fresh, &newest, target(40, 32, 1));
+            let (a, b) = (renderer.radiance(&running).unwrap(), renderer.radiance(&fresh).unwrap());
+            prop_assert!(a.rgb.iter().all(|x| x.is_finite() && *x >= 0.0));
+            prop_assert!(a == b, "after edit {}", count);
+        }
+    }
+
+    #[test]
+    fn skipped_equals_unskipped(edits in prop::collection::vec(any_edit(), 0..4)) {
+        let volume = blobs();
+        let mut renderer = renderer();
+        let image = |renderer: &mut render::Renderer, skip: bool| {
+            let mut scene = merged(&edits);
+            scene["sampling"]["skip_empty"] = json!(skip);
+            let mut view = View::new();
+            let drawn = draw(renderer, &mut view, &snapshot(&volume, scene, 1), target(40, 32, 1));
+            (renderer.radiance(&view).unwrap(), drawn.counters)
+        };
+        let (skipped, a) = image(&mut renderer, true);
+        let (plain, b) = image(&mut renderer, false);
+        prop_assert!(skipped == plain, "images differ");
+        prop_assert_eq!(a["record_rays_cast"], b["record_rays_cast"]);
+        prop_assert_eq!(b["record_cells_skipped"], 0);
+    }
+}
+
+/// A view of two blobs whose light is complete.
+struct Lit {
+    view: View,
+    volume: Arc<PreparedVolume>,
+}
+
+impl Lit {
+    fn new() -> Self {
+        let mut lit = Self { view: View::new(), volume: blobs() };
+        let drawn = lit.draw(json!({}));
+        assert!(
+            drawn.counters["records"] > 100 && drawn.counters["records_renewed"] == drawn.counters["records"]
+        );
+        assert_eq!(drawn.counters["record_rays_cast"], 13 * drawn.counters["records"]);
+        assert!(drawn.counters["record_cells_skipped"] > 0);
+        lit
+    }
+
+    /// Draws the base scene with an edit.
+    fn draw(&mut self, edit: Value) -> Drawn {
+        let snapshot = snapshot(&self.volume, merged(&[edit]), 2);
+        draw(&mut renderer(), &mut self.view, &snapshot, target(32, 24, 1))
+    }
+}
+
+fn count(drawn: &Drawn, name: &str) -> u64 {
+    drawn.counters.get(name).copied().unwrap_or(0)
+}
+
+#[test]
+fn edits_redo_what_they_touch_and_nothing_else() {
+    let mut lit = Lit::new();
+    let records = |drawn: &Drawn| drawn.counters["records"];
+    // A camera edit: the light stays.
+    let turned = lit.draw(json!({"camera": {"position": [-1.0, 0.7, 1.6], "target": [0, 0, 0], "up": [0, 1, 0], "fov_y_degrees": 40}}));
+    assert!(!turned.plan.runs(Pass::Illuminate) && turned.plan.runs(Pass::RayCast));
+    // A colour of matter: no ray is cast.
+    let mut colour = base()["transfer_function"].clone();
+    colour["points"][2]["albedo"] = json!([0.1, 0.5, 0.2]);
+    let coloured = lit.draw(json!({"transfer_function": colour}));
+    assert_eq!(count(&coloured, "record_rays_cast"), 0);
+    // A light's colour, and another sky: no ray is cast, every coefficient is written.
+    let recoloured = lit.draw(json!({"lights": [base()["lights"][0], {"id": "sky", "type": "environment", "radiance": [0.5, 0.2, 0.3]}]}));
+    assert!(recoloured.plan.runs(Pass::Illuminate));
+    assert_eq!(count(&recoloured, "record_rays_cast"), 0);
+    // A light that moves: its own rays.
+    let moved = lit.draw(json!({"lights": [{"id": "key", "type": "directional", "direction": [-1, -1, 0], "irradiance": [3, 3, 3]}, base()["lights"][1]]}));
+    assert_eq!(count(&moved, "record_rays_cast"), records(&moved));
+    lit.draw(json!({}));
+    // Matter that only the inside of one blob has: rays that miss it are kept.
+    let mut denser = base()["transfer_function"].clone();
+    denser["points"][3] = json!({"s": 0.75, "extinction": 137, "material": "skin"});
+    denser["points"][4] = json!({"s": 1, "extinction": 400, "material": "skin"});
+    let inner = lit.draw(json!({"transfer_function": denser}));
+    let (cast, kept) = (count(&inner, "record_rays_cast"), count(&inner, "record_rays_kept"));
+    assert_eq!(cast + kept, 13 * records(&inner));
+    assert!(cast > 0 && kept > 4 * cast, "{cast} rays cast, {kept} kept");
+    assert!(count(&inner, "records_renewed") < records(&inner));
+}
+
+#[test]
+fn records_that_no_matter_reads_go_and_come_back() {
+    let mut lit = Lit::new();
+    let all = lit.draw(json!({"camera": {"position": [0, 0.7, 1.6], "target": [0, 0, 0], "up": [0, 1, 0], "fov_y_degrees": 40}}));
+    let none = lit.draw(json!({"transfer_function": {"points": [{"s": 0, "extinction": 0}]}}));
+    assert_eq!(none.counters["records"], 0);
+    assert!(none.complete && all.complete);
+    let back = lit.draw(json!({}));
+    assert_eq!(count(&back, "records_renewed"), back.counters["records"]);
+}
