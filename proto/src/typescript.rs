@@ -57,6 +57,8 @@ pub fn typescript() -> String {
         scene_file::Orders,
         scene_file::Illumination,
         scene_file::Method,
+        scene_file::RecordForm,
+        scene_file::RecordLookup,
         scene_file::Sampling,
         scene_file::Interpolation,
         scene_file::Rendering,

@@ -488,9 +488,37 @@ longest_path: number,
  * `path_traced`: what each light brings is kept apart, so that colours, strengths and switches
  * of lights change the picture without a new path. At most 8 lights.
  */
-light_layers: boolean, };
+light_layers: boolean, 
+/**
+ * `image_based`: records along the longest edge of the volume's box, 2..100.
+ */
+records: number, 
+/**
+ * `image_based`: directions a record looks in: 12, 48, 192 or 768.
+ */
+record_directions: number, 
+/**
+ * `image_based`: bands of spherical harmonics, 1..6.
+ */
+record_bands: number, 
+/**
+ * `image_based`: what a record holds.
+ */
+record_form: RecordForm, 
+/**
+ * `image_based`: how a sample in matter reads the records.
+ */
+record_lookup: RecordLookup, 
+/**
+ * `image_based`: damps the higher bands of the light, against ringing.
+ */
+record_window: boolean, };
 
 export type Method = "local" | "convection_diffusion" | "image_based" | "precomputed_transfer" | "photon_map" | "path_traced";
+
+export type RecordForm = "product" | "isotropic" | "static" | "dynamic";
+
+export type RecordLookup = "trilinear" | "containing";
 
 export type Sampling = { 
 /**

@@ -6,6 +6,7 @@ import type { Illumination, Light, Sampling, ToneMapping } from "../generated/pr
 import { session } from "../session/engine";
 import { useSession } from "../session/store";
 import { isTraced, whyNotMixed, withoutEffect } from "./methods";
+import { RecordFields } from "./RecordFields";
 
 const MAX_SAMPLES = 4096;
 const MAX_PATHS = 1 << 20;
@@ -38,12 +39,15 @@ export function QualityPanel() {
   const orders = useSession((state) => state.scene?.scattering.orders);
   const illumination = useSession((state) => state.scene?.illumination);
   const lights = useSession((state) => state.scene?.lights);
+  const mode = useSession((state) => state.scene?.rendering.mode);
   const traced = useSession((state) => state.scene !== null && isTraced(state.scene));
   if (!sampling || !film || background === undefined || orders === undefined || illumination === undefined || lights === undefined) return null;
+  const keptInRecords = illumination.method === "image_based" && !traced && mode === "volume";
   const ordersLack = withoutEffect(illumination.method, "scattering orders");
   return (
     <Section id="quality" title="Quality" fields={["sampling", "film", "background", "volume", "scattering", "illumination"]}>
       {traced ? <PathFields illumination={illumination} lights={lights} /> : <RayFields sampling={sampling} />}
+      {keptInRecords && <RecordFields illumination={illumination} />}
       <Row label="Empty space" hint="Skips regions without matter; never changes the picture">
         <Switch checked={sampling.skip_empty} label="Skip" data-testid="skip-empty" onChange={(event) => session.edit({ sampling: { skip_empty: event.currentTarget.checked } })} />
       </Row>

@@ -30,6 +30,7 @@ export const samplesAtRest = (scene: SceneFile): number => (isTraced(scene) ? sc
 
 /** What a control of the panels does not do with this method, in words; null if it works. */
 export function withoutEffect(method: Method, control: "clip shadows" | "scattering orders"): string | null {
+  if (method === "image_based") return control === "scattering orders" ? "Image-based lighting scatters light once and follows it no further." : null;
   if (method !== "local") return null;
   return {
     "clip shadows": "Local shading casts no shadows.",
@@ -45,10 +46,6 @@ export const whyNotMixed = (lights: readonly unknown[]): string | null => (light
 
 /** What of the scene its method does not show; null if nothing is left out. */
 export function shortcoming({ illumination, lights }: Pick<SceneFile, "illumination" | "lights">): string | null {
-  const shining = lights.filter((light) => light.enabled);
-  if (illumination.method === "image_based" && shining.some((light) => light.type !== "environment")) {
-    return "Only the environment is part of image-based lighting; the other lights are left out.";
-  }
-  if (illumination.method === "image_based" && shining.length === 0) return "Image-based lighting needs an environment light.";
-  return null;
+  const extended = lights.some((light) => light.enabled && ["rectangle", "disk", "sphere"].includes(light.type));
+  return illumination.method === "image_based" && extended ? "Image-based lighting takes area lights from their centre: their shadows are sharp." : null;
 }

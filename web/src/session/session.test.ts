@@ -18,7 +18,7 @@ const scene: SceneFile = {
   clip: { planes: [], shadows: true },
   background: [0, 0, 0],
   scattering: { orders: "all" },
-  illumination: { method: "local", paths_per_pixel: 256, max_error: 0, longest_path: 100000, light_layers: false },
+  illumination: { method: "local", paths_per_pixel: 256, max_error: 0, longest_path: 100000, light_layers: false, records: 32, record_directions: 48, record_bands: 3, record_form: "product", record_lookup: "trilinear", record_window: false },
   sampling: { step_voxels: 0.5, samples_per_pixel: 8, skip_empty: true, termination_transmittance: 0.001, interpolation: "sampler", segments: 4 },
   rendering: { mode: "volume", slice: { normal: [0, 0, 1], offset: 0 } },
   film: { exposure_stops: 0, tone_mapping: "neutral" },

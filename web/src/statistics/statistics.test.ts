@@ -1,9 +1,9 @@
 import { describe, expect, it } from "vitest";
 import type { FrameHeader, FrameReport, Illumination, Light, Method } from "../generated/proto";
-import { shortcoming, whyNotMixed } from "../quality/methods";
+import { shortcoming, whyNotMixed, withoutEffect } from "../quality/methods";
 import { formatCount, headline, passesRun, reusedShare, skippedShare, stateInWords } from "./figures";
 
-const illumination = (method: Method): Illumination => ({ method, paths_per_pixel: 256, max_error: 0, longest_path: 100000, light_layers: false });
+const illumination = (method: Method): Illumination => ({ method, paths_per_pixel: 256, max_error: 0, longest_path: 100000, light_layers: false, records: 32, record_directions: 48, record_bands: 3, record_form: "product", record_lookup: "trilinear", record_window: false });
 const frame = { samples_per_pixel: 3, width: 640, height: 360, viewport_width: 640, viewport_height: 360 } as FrameHeader;
 const report = (counters: Record<string, number>): FrameReport => ({ changes: [], plan: [], stages: [], counters, gpu_bytes: {} });
 
@@ -54,10 +54,13 @@ describe("a method", () => {
   const lamp: Light = { type: "point", enabled: true, position: [0, 0, 0], intensity: [1, 1, 1] };
   const sky: Light = { type: "environment", enabled: true, radiance: [1, 1, 1] };
 
-  it("says which lights it leaves out", () => {
-    expect(shortcoming({ illumination: illumination("image_based"), lights: [lamp, sky] })).toContain("left out");
-    expect(shortcoming({ illumination: illumination("image_based"), lights: [{ ...lamp, enabled: false }, sky] })).toBeNull();
-    expect(shortcoming({ illumination: illumination("photon_map"), lights: [lamp] })).toBeNull();
+  it("says what it makes of lights with an extent", () => {
+    const disk: Light = { type: "disk", enabled: true, center: [0, 1, 0], normal: [0, -1, 0], radius: 0.2, radiance: [1, 1, 1] };
+    expect(shortcoming({ illumination: illumination("image_based"), lights: [disk, sky] })).toContain("sharp");
+    expect(shortcoming({ illumination: illumination("image_based"), lights: [{ ...disk, enabled: false }, lamp, sky] })).toBeNull();
+    expect(shortcoming({ illumination: illumination("photon_map"), lights: [disk] })).toBeNull();
+    expect(withoutEffect("image_based", "scattering orders")).toContain("once");
+    expect(withoutEffect("image_based", "clip shadows")).toBeNull();
   });
 
   it("mixes at most eight lights, those that are off among them", () => {

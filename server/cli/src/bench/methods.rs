@@ -56,6 +56,14 @@ pub const FULL: Judge = Judge { name: "full", transport: Transport::Full, orders
 /// Single scattering without shadows.
 const LOCAL: Judge = Judge { name: "local", transport: Transport::Local, orders: None };
 
+/// Single scattering.
+const SINGLE: Judge = Judge { name: "single", transport: Transport::Full, orders: Some(1) };
+
+/// A step whose quality is that of light computed ahead.
+const fn light(label: &'static str, patch: &'static str, quick: bool) -> Setting {
+    Setting { label, step_voxels: 1.0, samples_per_pixel: 8, patch, quick }
+}
+
 /// A step whose quality is that of view rays.
 const fn rays(label: &'static str, step_voxels: f64, samples_per_pixel: u32, quick: bool) -> Setting {
     Setting { label, step_voxels, samples_per_pixel, patch: "", quick }
@@ -67,7 +75,7 @@ const fn paths(label: &'static str, patch: &'static str, quick: bool) -> Setting
 }
 
 /// Every method built.
-pub const LADDER: &[Entry] = &[LOCAL_ENTRY, PATH_TRACED];
+pub const LADDER: &[Entry] = &[LOCAL_ENTRY, IMAGE_BASED, PATH_TRACED];
 
 const LOCAL_ENTRY: Entry = Entry {
     method: Method::Local,
@@ -85,6 +93,44 @@ const LOCAL_ENTRY: Entry = Entry {
     usual: 4,
     noisy: false,
     work: "samples_taken",
+    truncated: |_| None,
+};
+
+const IMAGE_BASED: Entry = Entry {
+    method: Method::ImageBased,
+    judge: SINGLE,
+    settings: &[
+        light(
+            "16 records, 12 directions",
+            r#"{"illumination": {"records": 16, "record_directions": 12}}"#,
+            true,
+        ),
+        light("32 records, 48 directions", r#"{"illumination": {"records": 32}}"#, true),
+        light("50 records, 48 directions", r#"{"illumination": {"records": 50}}"#, false),
+        light(
+            "50 records, 192 directions",
+            r#"{"illumination": {"records": 50, "record_directions": 192}}"#,
+            false,
+        ),
+        light(
+            "50 records, 192 directions, 6 bands",
+            r#"{"illumination": {"records": 50, "record_directions": 192, "record_bands": 6}}"#,
+            false,
+        ),
+        light(
+            "as published, 32 records, 48 directions",
+            r#"{"illumination": {"records": 32, "record_form": "static", "record_lookup": "containing"}}"#,
+            false,
+        ),
+        light(
+            "as published, 50 records, 192 directions",
+            r#"{"illumination": {"records": 50, "record_directions": 192, "record_form": "static", "record_lookup": "containing"}}"#,
+            false,
+        ),
+    ],
+    usual: 0,
+    noisy: false,
+    work: "record_cells_taken",
     truncated: |_| None,
 };
 
