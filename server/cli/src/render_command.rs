@@ -194,6 +194,11 @@ impl Session<'_> {
             report["segments"] =
                 json!({"total": reused + recomputed, "reused": reused, "recomputed": recomputed});
         }
+        if let Some(&total) = drawn.counters.get("records") {
+            let recomputed = count("records_renewed");
+            report["records"] =
+                json!({"total": total, "reused": total.saturating_sub(recomputed), "recomputed": recomputed});
+        }
         let (reused, recomputed) = (count("tiles_reused"), count("tiles_recomputed"));
         if reused + recomputed > 0 {
             report["tiles"] =

@@ -71,12 +71,14 @@ fn single_scattering_of_a_sun_and_of_a_lamp() {
     let travel = DVec3::new(-0.36, -0.8, 0.48);
     let sun = json!([{"type": "directional", "direction": travel.to_array(), "irradiance": [3, 3, 3]}]);
     let scene = |lights| cube(json!({"record_directions": 12}), lights, json!({"type": "isotropic"}));
-    let found = off(scene(sun), &picture(SIZE, |ray| CUBE.lit_by_directional(ray, (travel, 3.0), isotropic(ALBEDO))));
+    let found =
+        off(scene(sun), &picture(SIZE, |ray| CUBE.lit_by_directional(ray, (travel, 3.0), isotropic(ALBEDO))));
     eprintln!("directional: {found:.2e}");
     assert!(found < 0.02, "{found}");
     let place = DVec3::new(0.4, 1.1, 0.3);
     let lamp = json!([{"type": "point", "position": place.to_array(), "intensity": [3, 3, 3]}]);
-    let found = off(scene(lamp), &picture(SIZE, |ray| CUBE.lit_by_point(ray, (place, 3.0), isotropic(ALBEDO))));
+    let found =
+        off(scene(lamp), &picture(SIZE, |ray| CUBE.lit_by_point(ray, (place, 3.0), isotropic(ALBEDO))));
     eprintln!("point: {found:.2e}");
     assert!(found < 0.02, "{found}");
 }
@@ -274,7 +276,10 @@ fn edits_redo_what_they_touch_and_nothing_else() {
     let inside = |densest: f64| {
         let mut matter = base()["transfer_function"].clone();
         matter["points"][3] = json!({"s": 0.75, "extinction": 150, "material": "skin"});
-        matter["points"].as_array_mut().unwrap().push(json!({"s": 1, "extinction": densest, "material": "skin"}));
+        matter["points"]
+            .as_array_mut()
+            .unwrap()
+            .push(json!({"s": 1, "extinction": densest, "material": "skin"}));
         json!({"transfer_function": matter})
     };
     lit.draw(inside(200.0));

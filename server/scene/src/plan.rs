@@ -752,6 +752,26 @@ mod tests {
     }
 
     #[test]
+    fn light_follows_the_camera_in_one_form_of_records_alone() {
+        let volume = volume();
+        let scene_with = |form: &str, x: f64| {
+            scene(
+                &volume,
+                json!({"illumination": {"method": "image_based", "record_form": form},
+                    "camera": {"position": [x, 0.0, 5.0], "target": [0.0, 0.0, 0.0], "up": [0.0, 1.0, 0.0]}}),
+            )
+        };
+        for (form, follows) in
+            [("product", false), ("isotropic", false), ("static", false), ("dynamic", true)]
+        {
+            let changes = changes_of_light(&scene_with(form, 0.0), &scene_with(form, 1.0));
+            assert_eq!(changes.is_empty(), !follows, "{form}");
+        }
+        let settings = changes_of_light(&scene_with("product", 0.0), &scene_with("static", 0.0));
+        assert_eq!(settings.in_words(), ["settings of the light"]);
+    }
+
+    #[test]
     fn paths_depend_on_more_than_rays_do_and_on_less() {
         let volume = volume();
         let traced = |mut patch: serde_json::Value| {

@@ -79,6 +79,30 @@ export function environmentSteps() {
     assert.deepEqual(visitor.complaints, []);
   });
 
+  step("environments: image-based lighting follows the light as it is turned, with settings of its own", async (arrive) => {
+    const visitor = await visit(arrive);
+    await visitor.at("method-select").click();
+    await visitor.at("method-image_based").click();
+    const uniform = await visitor.picture();
+    assert.equal(await visitor.data("method-select", "method"), "image_based");
+    await visitor.at("environment-studio").click();
+    const studio = await visitor.picture();
+    assert.equal(await visitor.data("method-select", "method"), "image_based", "it takes pictures of light");
+    assert.ok(difference(uniform, studio).mean > 1, "the picture changes");
+    const before = rightOverLeft(studio);
+    await visitor.drag("environment-strip", [0.25, 0.5], [0.75, 0.5]);
+    const turned = await visitor.picture();
+    assert.ok(before < 0.97 && rightOverLeft(turned) > 1.03, `right over left: ${before}, ${rightOverLeft(turned)}`);
+
+    // One record for each cell, and few of them: steps are seen. Undo brings the smooth picture back.
+    await visitor.at("record-lookup").selectOption("containing");
+    const steps = await visitor.picture();
+    assert.ok(difference(turned, steps).mean > 0.05, "cells are seen");
+    await visitor.key("z");
+    assert.ok(difference(turned, await visitor.picture()).mean < 0.05, "the smooth picture is back");
+    assert.deepEqual(visitor.complaints, []);
+  });
+
   step("environments: a file is opened, refused in words, and removed", async (arrive) => {
     const visitor = await visit(arrive);
     await visitor.at("environment-file").setInputFiles({ name: "broken.hdr", mimeType: "", buffer: Buffer.from("not light") });

@@ -68,6 +68,7 @@ impl Slots {
     }
 
     /// Chunks that hold them.
+    #[cfg(test)]
     pub fn chunks(&self) -> usize {
         self.slots.len().div_ceil(CHUNK_SLOTS as usize)
     }
