@@ -25,6 +25,8 @@ pub struct Arriving {
     pub lights: Vec<Light>,
     /// The field holds coefficients divided by this.
     pub scale: f32,
+    /// Whether higher bands of those lights are damped.
+    pub damped: bool,
     /// Of the paper's forms: share of the light, cut to a few bands, that was negative and is left
     /// out, 0..1.
     pub clamped_share: f64,
@@ -103,14 +105,15 @@ impl Arriving {
         }
         let mut pixels = pixels.unwrap_or_default();
         let window = |k: usize, bands: usize| {
-            let band = ((k as f64) + 0.5).sqrt().floor();
-            if settings.window { 0.5 + 0.5 * (PI * band / bands as f64).cos() } else { 1.0 }
+            if settings.window { hann(k, bands) } else { 1.0 }
         };
         let mut clamped_share = 0.0;
+        let damped = settings.window || rings(scene, bands);
         if form == RecordForm::Product {
+            let damp = settings.window || light_rings(&pixels, scene, nside, bands);
             for pixel in &mut pixels {
                 for (k, light) in pixel.light.iter_mut().enumerate() {
-                    *light *= window(k, bands);
+                    *light *= if damp { hann(k, bands) } else { 1.0 };
                 }
             }
         } else {
@@ -144,8 +147,52 @@ impl Arriving {
         fluence += 4.0 * PI * glow.fold(0.0, f64::max);
         let scale = (fluence / USUAL_TEXEL) as f32;
         let scale = if scale.is_normal() { scale } else { 1.0 };
-        Self { products, lights, scale, clamped_share }
+        Self { products, lights, scale, damped, clamped_share }
     }
+}
+
+/// Factor of a coefficient's band in a von Hann window.
+fn hann(k: usize, bands: usize) -> f64 {
+    let band = ((k as f64) + 0.5).sqrt().floor();
+    0.5 + 0.5 * (PI * band / bands as f64).cos()
+}
+
+/// What scatters most directedly of all matter: the factors of its bands; `None` where there are
+/// surfaces, whose cosine needs all bands, or all matter scatters the same everywhere.
+pub fn narrowest(scene: &Scene) -> Option<sh::Bands> {
+    let points = scene.transfer_function.points.iter().filter(|point| point.sigma_t > 0.0);
+    let materials: Vec<_> = points.map(|point| &scene.materials[point.material]).collect();
+    if materials.iter().any(|material| material.surface > 0.0) {
+        return None;
+    }
+    let factors = materials.iter().map(|material| sh::phase_bands(&material.phase));
+    factors.max_by(|a, b| a[1].abs().total_cmp(&b[1].abs())).filter(|factors| factors[1] != 0.0)
+}
+
+/// Whether light from one direction, scattered by the narrowest phase function in so many bands, would
+/// be negative somewhere.
+fn rings(scene: &Scene, bands: usize) -> bool {
+    const COSINES: usize = 64;
+    let Some(factors) = narrowest(scene) else { return false };
+    (0..=COSINES).any(|i| {
+        let legendre = sh::legendre_polynomials(2.0 * i as f64 / COSINES as f64 - 1.0);
+        let term = |l: usize| (2 * l + 1) as f64 * factors[l] * legendre[l];
+        (0..bands).map(term).sum::<f64>() < 0.0
+    })
+}
+
+/// The same of the light of an environment: by more than a hundredth of its mean.
+fn light_rings(pixels: &[SkyPixel], scene: &Scene, nside: usize, bands: usize) -> bool {
+    let Some(factors) = narrowest(scene) else { return false };
+    let sum = |k: usize| pixels.iter().map(|pixel| pixel.light[k].element_sum()).sum::<f64>();
+    let coefficients: Vec<f64> = (0..bands * bands).map(sum).collect();
+    let mean = coefficients[0] * sh::basis(1, DVec3::Z)[0];
+    healpix::centres(nside).into_iter().any(|centre| {
+        let y = sh::basis(bands, centre);
+        let band = |k: usize| ((k as f64) + 0.5).sqrt() as usize;
+        let terms = coefficients.iter().enumerate().map(|(k, c)| factors[band(k)] * c * y[k]);
+        terms.sum::<f64>() < -0.01 * mean
+    })
 }
 
 /// The paper's light: cut to a few bands, looked at in the centres of pixels, each of which stands for
@@ -278,5 +325,31 @@ mod tests {
         assert_eq!(cut.lights.len(), 1, "the paper's form takes the sun as part of the environment");
         let up = sum(&cut, 2, 1)[0];
         assert!(up > 0.5 && cut.clamped_share > 0.05, "{up}");
+    }
+
+    #[test]
+    fn what_would_ring_is_damped() {
+        let sun = json!([{"type": "directional", "direction": [0, -1, 0], "irradiance": [3, 3, 3]}]);
+        let of = |g: f64, bands: usize, surface: f64| {
+            let mut lit = scene(sun.clone(), json!({"record_bands": bands}));
+            lit.materials[1].phase =
+                proto::scene_file::Phase::HenyeyGreenstein(proto::scene_file::HenyeyGreenstein { g });
+            lit.materials[1].surface = surface;
+            Arriving::of(&lit, 1, bands, &mut Skies::default()).damped
+        };
+        assert!(!of(0.2, 3, 0.0) && !of(0.4, 6, 0.0) && !of(0.0, 3, 0.0));
+        assert!(of(0.6, 3, 0.0) && of(0.8, 6, 0.0) && of(-0.6, 3, 0.0));
+        assert!(!of(0.8, 3, 0.5), "surfaces need their bands");
+        // A sun in a picture rings as well.
+        let mut lit = scene(json!([{"type": "environment", "image": "sky"}]), json!({}));
+        let mut damping = |g: f64| {
+            lit.materials[1].phase =
+                proto::scene_file::Phase::HenyeyGreenstein(proto::scene_file::HenyeyGreenstein { g });
+            let found = sum(&Arriving::of(&lit, 2, 3, &mut Skies::default()), 2, 1)[0];
+            let image = lit.environment_image().unwrap().0.clone();
+            let pixels = Sky::of(&image).pixels(2, 3, DMat3::IDENTITY);
+            found / pixels.iter().map(|pixel| pixel.light[1].x).sum::<f64>()
+        };
+        assert!((damping(0.8) - 0.75).abs() < 1e-3 && (damping(0.3) - 1.0).abs() < 1e-3);
     }
 }

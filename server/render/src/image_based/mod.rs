@@ -26,7 +26,7 @@ use crate::light_field::LightField;
 use crate::tables;
 use crate::uniforms;
 use crate::view::FilmCache;
-use arriving::{Arriving, Skies, has_own_ray};
+use arriving::{Arriving, Skies, has_own_ray, narrowest};
 pub(crate) use passes::Passes;
 use passes::{Bound, Buffers, COUNTER_BYTES, COUNTERS, Chunk, PassVariant};
 use slots::{CHUNK_SLOTS, Slots};
@@ -324,7 +324,6 @@ impl Kept {
     }
 
     fn uniform(&self, scene: &Scene, count: u32) -> uniforms::Records {
-        let settings = Records::of(scene);
         let camera = &scene.camera;
         let eye = match camera.projection {
             Projection::Perspective { .. } => camera.eye.extend(1.0),
@@ -340,7 +339,7 @@ impl Kept {
             bands: self.field.bands,
             scale: self.light.as_ref().map_or(1.0, |light| light.arriving.scale),
             material: densest_material(scene) as u32,
-            window: u32::from(settings.window && settings.form == RecordForm::Product),
+            window: u32::from(self.light.as_ref().is_some_and(|light| light.arriving.damped)),
             own_lights: self.own_lights(),
             pad0: 0,
             pad1: 0,
@@ -362,6 +361,7 @@ fn same_light(old: &Scene, new: &Scene) -> bool {
     (a.bands, a.form, a.window) == (b.bands, b.form, b.window)
         && a.bands_read(old) == b.bands_read(new)
         && old.lights == new.lights
+        && narrowest(old) == narrowest(new)
         && brightest(old) == brightest(new)
         && (b.form != RecordForm::Dynamic || same_eye())
 }

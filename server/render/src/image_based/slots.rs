@@ -173,7 +173,7 @@ impl Slots {
 
     fn code(&self, record: u32) -> u32 {
         let [nx, ny, _] = self.dims;
-        record % nx | (record / nx % ny) << 10 | (record / nx / ny) << 20
+        (record % nx) | ((record / nx % ny) << 10) | ((record / nx / ny) << 20)
     }
 }
 
@@ -225,6 +225,6 @@ mod tests {
         assert!(slots.take_left().is_empty());
         assert_eq!((slots.len(), slots.chunks()), (3, 1));
         let todo = slots.todo(1, 1);
-        assert!(cells(&todo).contains(&(3 | 1 << 10)));
+        assert!(cells(&todo).contains(&(3 | (1 << 10))));
     }
 }
