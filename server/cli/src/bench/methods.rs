@@ -105,6 +105,11 @@ const IMAGE_BASED: Entry = Entry {
             r#"{"illumination": {"records": 16, "record_directions": 12}}"#,
             true,
         ),
+        light(
+            "32 records, 12 directions",
+            r#"{"illumination": {"records": 32, "record_directions": 12}}"#,
+            false,
+        ),
         light("32 records, 48 directions", r#"{"illumination": {"records": 32}}"#, true),
         light("50 records, 48 directions", r#"{"illumination": {"records": 50}}"#, false),
         light(
@@ -128,7 +133,7 @@ const IMAGE_BASED: Entry = Entry {
             false,
         ),
     ],
-    usual: 0,
+    usual: 1,
     noisy: false,
     work: "record_cells_taken",
     truncated: |_| None,
