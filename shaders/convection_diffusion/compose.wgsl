@@ -43,6 +43,10 @@ fn compose_field(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_
             }
         }
     }
+    if diffusion != 1u {
+        // Without P1, whose boundary lets it in, light from all around is undimmed, as in `local`.
+        radiance[0] += 4.0 * PI * Y_0 * sources.ambient;
+    }
     if diffusion == 1u {
         radiance[0] += seen_of(diffused(cell, index), cell, radiance[0] / Y_0) * Y_0;
         if bands > 1u {

@@ -20,6 +20,8 @@ pub struct Entry {
     pub usual: usize,
     /// Whether its pictures are random estimates: their noise is no fault.
     pub noisy: bool,
+    /// Whether it approximates what it claims: how far off it is, is told, and no fault.
+    pub approximates: bool,
     /// The counter that says how much it worked.
     pub work: &'static str,
     /// The share of energy that its counters say it cut or clamped; `None`: it does neither.
@@ -92,6 +94,7 @@ const LOCAL_ENTRY: Entry = Entry {
     ],
     usual: 4,
     noisy: false,
+    approximates: false,
     work: "samples_taken",
     truncated: |_| None,
 };
@@ -166,6 +169,7 @@ const CONVECTION_DIFFUSION: Entry = Entry {
     ],
     usual: 1,
     noisy: false,
+    approximates: true,
     work: "light_cells_carried",
     truncated: |_| None,
 };
@@ -220,6 +224,7 @@ const PATH_TRACED: Entry = Entry {
     ],
     usual: 1,
     noisy: true,
+    approximates: false,
     work: "tentative_collisions",
     truncated: |counters| {
         let count = |name: &str| counters.get(name).copied().unwrap_or(0) as f64;

@@ -30,7 +30,7 @@ pub fn kind_of(scene: &Scene) -> Kind {
     }
 }
 
-/// Refuses lights that the method does not take, in words. Environment images are refused elsewhere.
+/// Refuses more lights than the method takes, in words. Environment images are refused elsewhere.
 ///
 /// # Errors
 /// The field that asks for it.
@@ -41,15 +41,7 @@ pub fn check(scene: &Scene) -> Result<(), FieldError> {
             format!("`convection_diffusion` takes at most {MAX_FIELD_LIGHTS} lights; there are {count}");
         return Err(FieldError::new("lights", message));
     }
-    let around = scene.lights.iter().find(|light| light.geometry == LightGeometry::UniformEnvironment);
-    match around {
-        Some(light) if kind_of(scene) != Kind::P1 => {
-            let message = "`convection_diffusion` takes light from all around only where it is diffused: \
-                           with `scattering.orders` above 1 and `illumination.diffusion` `p1`";
-            Err(FieldError::new(format!("lights[{}].radiance", light.id), message))
-        }
-        _ => Ok(()),
-    }
+    Ok(())
 }
 
 /// What transmittances depend on of the settings.
