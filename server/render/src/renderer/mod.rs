@@ -250,8 +250,15 @@ impl Renderer {
         // Of what was read back since the last drawing, its picture say.
         self.gpu.take_device_millis();
         if plan.runs(Pass::RayCast) {
-            stages.time("ray_cast", || self.cast_rays(view, scene, request, began))?;
-            stages.time("read_counters", || self.read_counters(view, &mut counters))?;
+            stages.time("ray_cast", || {
+                self.cast_rays(view, scene, request, began)?;
+                // Waits for the last slice, too: if that failed, so did the film.
+                let finished = self.read_counters(view, &mut counters);
+                if finished.is_err() {
+                    view.film = None;
+                }
+                finished
+            })?;
             stages.on_device("ray_cast", self.gpu.take_device_millis());
         }
         if plan.runs(Pass::PathTrace) {
