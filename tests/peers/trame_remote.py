@@ -1,9 +1,10 @@
 """Tyndall's service against trame's remote rendering: one viewer that turns a volume, over a WebSocket on this machine.
 
-    python3 -m venv venv && venv/bin/pip install trame trame-rca trame-vtk vtk aiohttp msgpack pillow
+    python3 -m venv venv && venv/bin/pip install trame trame-rca vtk aiohttp msgpack pillow PyTurboJPEG
     make build && venv/bin/python tests/peers/trame_remote.py --out docs/benchmarks
 
-Not part of the test suite. Both servers are asked alike: a camera every 1/60 s that turns about the volume, for
+Not part of the test suite. PyTurboJPEG needs libturbojpeg (Debian: libturbojpeg0); without it trame encodes with Pillow,
+which is slower. Both servers are asked alike: a camera every 1/60 s that turns about the volume, for
 SECONDS after a warm-up. Counted are pictures that arrive, their bytes, and for each camera the time until a picture
 arrives that shows it or a newer one. The volume (buckyball, 128 voxels along an edge), transfer function, light and
 viewport (512 x 512) are the same; the step is one voxel.
