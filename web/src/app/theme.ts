@@ -24,8 +24,11 @@ export const theme = createTheme({
     RangeSlider: { defaultProps: { size: 3, thumbSize: 12 } },
     Button: {
       ...compact,
-      vars: (_theme: MantineTheme, { size }: ButtonProps) => ({
-        root: { "--button-height": size === "xs" ? "26px" : "22px", "--button-padding-x": size === "xs" ? "10px" : "8px", "--button-fz": "var(--text-body)" },
+      vars: (_theme: MantineTheme, { size, variant = "filled" }: ButtonProps) => ({
+        root: {
+          "--button-height": size === "xs" ? "26px" : "22px", "--button-padding-x": size === "xs" ? "10px" : "8px", "--button-fz": "var(--text-body)",
+          ...(variant === "filled" ? { "--button-color": "var(--on-accent)" } : {}),
+        },
       }),
     },
     ActionIcon: { defaultProps: { size: 26, variant: "subtle" } },

@@ -16,7 +16,7 @@ use super::stream::{Measured, orbiting, percentile};
 /// Viewers at once.
 const VIEWERS: [usize; 4] = [1, 4, 8, 16];
 /// How long each case is measured, after a warm-up of a quarter of it.
-const MEASURED: Duration = Duration::from_secs(8);
+const MEASURED: Duration = Duration::from_secs(16);
 /// Pixels of each viewer's picture.
 const SIZE: (u32, u32) = (512, 512);
 /// Voxels along an edge of the volume.

@@ -130,7 +130,9 @@ const PHOTON_MAP: Entry = Entry {
         ),
     ],
     usual: 0,
-    noisy: true,
+    // The same photons every time.
+    noisy: false,
+    approximates: true,
     work: "tentative_collisions",
     truncated: |counters| {
         let count = |name: &str| counters.get(name).copied().unwrap_or(0) as f64;
@@ -208,6 +210,7 @@ const IMAGE_BASED: Entry = Entry {
     ],
     usual: 0,
     noisy: false,
+    approximates: true,
     work: "record_cells_taken",
     truncated: |_| None,
 };

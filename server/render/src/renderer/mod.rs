@@ -301,8 +301,15 @@ impl Renderer {
             let target = Target { samples_per_pixel, ..request.target };
             let request = &DrawRequest { target, ..*request };
             let field = light.field().filter(|_| scene.has_light_field());
-            stages.time("ray_cast", || self.cast_rays(view, field, scene, request, began))?;
-            stages.time("read_counters", || self.read_counters(view, &mut counters))?;
+            stages.time("ray_cast", || {
+                self.cast_rays(view, field, scene, request, began)?;
+                // Waits for the last slice, too: if that failed, so did the film.
+                let finished = self.read_counters(view, &mut counters);
+                if finished.is_err() {
+                    view.film = None;
+                }
+                finished
+            })?;
             stages.on_device("ray_cast", self.gpu.take_device_millis());
         }
         if plan.runs(Pass::PathTrace) {

@@ -12,7 +12,6 @@ use proto::rest::{Export as ExportDocument, ExportFormat, ExportRequest, ExportS
 use proto::scene_file::limits::MAX_IMAGE_EDGE;
 use tokio_util::io::ReaderStream;
 
-use super::ending;
 use crate::App;
 use crate::http::Json;
 use crate::problem::{Answer, Fault};
@@ -102,15 +101,12 @@ pub async fn file(State(app): State<Arc<App>>, Path(id): Path<String>) -> Answer
         ExportFormat::Apng => "image/apng",
         ExportFormat::Zip => "application/zip",
     };
-    let name = format!("attachment; filename=\"turntable.{}\"", ending(document.format));
     let headers = [
         (header::CONTENT_TYPE, HeaderValue::from_static(media_type)),
         (header::CACHE_CONTROL, HeaderValue::from_static("no-store")),
         (header::CONTENT_LENGTH, HeaderValue::from(document.bytes)),
-        (
-            header::CONTENT_DISPOSITION,
-            HeaderValue::from_str(&name).unwrap_or(HeaderValue::from_static("attachment")),
-        ),
+        // Without a name: the page has a better one.
+        (header::CONTENT_DISPOSITION, HeaderValue::from_static("attachment")),
     ];
     Ok((headers, Body::from_stream(ReaderStream::new(file))).into_response())
 }

@@ -15,7 +15,7 @@ use super::turns::{Account, allotment};
 use super::{Encoding, FinishedFrame, MAX_FRAMES_IN_FLIGHT, Output, ViewerInput};
 
 /// Without a visible change for this long, a viewer is at rest.
-const REST_DELAY: Duration = Duration::from_millis(150);
+const REST_DELAY: Duration = Duration::from_millis(100);
 /// Shortest time between the starts of two moving pictures.
 const FRAME_INTERVAL: Duration = Duration::from_millis(33);
 /// Time a moving picture may take.
