@@ -133,7 +133,7 @@ const IMAGE_BASED: Entry = Entry {
             false,
         ),
     ],
-    usual: 1,
+    usual: 0,
     noisy: false,
     work: "record_cells_taken",
     truncated: |_| None,
