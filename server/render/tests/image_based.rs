@@ -325,3 +325,24 @@ fn records_that_no_matter_reads_go_and_come_back() {
     let back = lit.draw(json!({}));
     assert_eq!(count(&back, "records_renewed"), back.counters["records"]);
 }
+
+#[test]
+fn slices_end_with_the_picture_drawn_at_once() {
+    let volume = homogeneous([1; 3]);
+    let sun = json!([{"type": "directional", "direction": [0.3, -1, -0.2], "irradiance": [2, 2, 2]}]);
+    let scene = cube(json!({"records": 32, "record_directions": 12}), sun, json!({"type": "isotropic"}));
+    let snapshot = snapshot(&volume, scene, 1);
+    let mut renderer = renderer();
+    let mut view = View::new();
+    let request =
+        DrawRequest { snapshot: &snapshot, target: target(24, 20, 2), budget: Some(Duration::from_millis(10)) };
+    let mut calls = 0;
+    while !renderer.draw(&mut view, &request).unwrap().complete {
+        calls += 1;
+    }
+    let mut fresh = View::new();
+    draw(&mut renderer, &mut fresh, &snapshot, target(24, 20, 2));
+    let [a, b] = [&view, &fresh].map(|view| renderer.radiance(view).unwrap());
+    let mean = |image: &render::Radiance| image.rgb.iter().map(|x| f64::from(*x)).sum::<f64>();
+    assert!(calls > 1 && a == b, "{calls} calls: {} for {}", mean(&a), mean(&b));
+}
