@@ -334,8 +334,11 @@ fn slices_end_with_the_picture_drawn_at_once() {
     let snapshot = snapshot(&volume, scene, 1);
     let mut renderer = renderer();
     let mut view = View::new();
-    let request =
-        DrawRequest { snapshot: &snapshot, target: target(24, 20, 2), budget: Some(Duration::from_millis(10)) };
+    let request = DrawRequest {
+        snapshot: &snapshot,
+        target: target(24, 20, 2),
+        budget: Some(Duration::from_millis(10)),
+    };
     let mut calls = 0;
     while !renderer.draw(&mut view, &request).unwrap().complete {
         calls += 1;
