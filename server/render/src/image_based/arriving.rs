@@ -142,7 +142,8 @@ impl Arriving {
         fluence += lights.iter().map(|light| largest_irradiance(light, scene)).sum::<f64>();
         let glow = scene.transfer_function.points.iter().map(|point| point.emission.max_element());
         fluence += 4.0 * PI * glow.fold(0.0, f64::max);
-        let scale = (fluence / USUAL_TEXEL) as f32;
+        // A power of two, so that it changes no digit of a coefficient.
+        let scale = (fluence / USUAL_TEXEL).log2().ceil().exp2() as f32;
         let scale = if scale.is_normal() { scale } else { 1.0 };
         Self { products, lights, scale, clamped_share }
     }
