@@ -2,6 +2,9 @@
 //!
 //! A device is needed; all tests share one. Volumes and pictures are small: the software device
 //! of a machine without a GPU draws them, too.
+
+// A session holds GPU buffers, whose types are deep.
+#![recursion_limit = "256"]
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod datasets;
