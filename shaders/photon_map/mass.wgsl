@@ -16,6 +16,9 @@ struct Mass {
     count: u32,
 }
 
+// Light that falls straight on opaque matter, seen from where it comes: half of it is left, on average
+// over what is seen.
+const MOST_DEPTH = 2.0;
 // Places along an axis of a cell.
 const PLACES = 4u;
 
@@ -31,6 +34,10 @@ fn add_up_mass(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups
     var sums = array<f32, 8>();
     let step = frame.size_world / (dims * f32(PLACES));
     let volume = step.x * step.y * step.z;
+    // What lies deeper than light gets does not count, or skins of opaque matter would be as dark as its
+    // inside: of a texel an optical depth of MOST_DEPTH.
+    let texel = frame.size_world / dims;
+    let most = MOST_DEPTH * 3.0 / (texel.x + texel.y + texel.z);
     for (var i = 0u; i < PLACES * PLACES * PLACES; i++) {
         let part = (vec3f(f32(i % PLACES), f32(i / PLACES % PLACES), f32(i / (PLACES * PLACES))) + 0.5) / f32(PLACES);
         let uvw = (cell - 0.5 + part) / dims;
@@ -41,7 +48,7 @@ fn add_up_mass(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups
         wanted = wanted && bitcast<f32>(textureLoad(macrocells, macrocell, 0).x) > 0.0;
         if wanted && keeps(x) {
             let s = s_of_texel(texel_value(uvw));
-            let sigma_t = sigma_t_in(piece_of(s, true), s);
+            let sigma_t = min(sigma_t_in(piece_of(s, true), s), most);
             for (var corner = 0u; corner < 8u; corner++) {
                 let upper = vec3u(corner & 1u, (corner >> 1u) & 1u, corner >> 2u);
                 let near = select(1.0 - part, part, upper == vec3u(1u));

@@ -134,7 +134,7 @@ fn the_papers_forms_agree_where_they_claim_to() {
     let sky = json!([{"type": "environment", "radiance": [2, 2, 2]}]);
     let isotropic_phase = json!({"type": "isotropic"});
     let expected = &picture(SIZE, |ray| CUBE.lit_by_environment(ray, 2.0, isotropic(ALBEDO)));
-    for form in ["isotropic", "static", "dynamic"] {
+    for form in ["product", "isotropic", "static", "dynamic"] {
         let found = off(cube(json!({"record_form": form}), sky.clone(), isotropic_phase.clone()), expected);
         eprintln!("{form}: {found:.2e}");
         assert!(found < 0.02, "{form}: {found}");
@@ -142,7 +142,8 @@ fn the_papers_forms_agree_where_they_claim_to() {
     let g = 0.4;
     let phase = json!({"type": "henyey_greenstein", "g": g});
     let expected = &picture(ONE, |ray| 2.0 * scattered_once(ray, henyey_greenstein(ALBEDO, g)));
-    for (form, most) in [("static", 0.02), ("dynamic", 0.02)] {
+    // The static form has its harmonics at the centres of 48 pixels.
+    for (form, most) in [("static", 0.04), ("dynamic", 0.02)] {
         let found = off(cube(json!({"record_form": form}), sky.clone(), phase.clone()), expected);
         eprintln!("{form}, henyey-greenstein: {found:.2e}");
         assert!(found < most, "{form}: {found}");

@@ -761,7 +761,8 @@ mod tests {
             scene(
                 &volume,
                 json!({"illumination": {"method": "image_based", "record_form": form},
-                    "camera": {"position": [x, 0.0, 5.0], "target": [0.0, 0.0, 0.0], "up": [0.0, 1.0, 0.0]}}),
+                    "camera": {"position": [x, 0.0, 5.0], "target": [0.0, 0.0, 0.0], "up": [0.0, 1.0, 0.0],
+                        "fov_y_degrees": 30.0}}),
             )
         };
         for (form, follows) in

@@ -62,7 +62,7 @@ async fn scenes_are_replaced_and_patched_whole_or_not_at_all() {
         (json!({"volume": {"builtin": null, "dims": null, "file": "/etc/passwd"}}), "volume.file"),
         (json!({"volume": {"builtin": null, "dims": null, "dataset": "nope"}}), "volume.dataset"),
         (json!({"volume": {"dims": [2048, 2048, 2048]}}), "volume.dims"),
-        (json!({"illumination": {"method": "photon_map"}}), "illumination.method"),
+        (json!({"illumination": {"method": "precomputed_transfer"}}), "illumination.method"),
         (json!({"camera": {"up": [0, 0, 0]}}), "camera.up"),
     ] {
         let problem = service.json(Method::PATCH, &path, patch.clone()).await.problem(422);
@@ -244,7 +244,10 @@ async fn impossible_stills_are_refused() {
 async fn the_service_describes_itself() {
     let service = Service::new();
     let status = service.get("/status").await.ok().json();
-    assert_eq!(status["methods"], json!(["local", "path_traced"]));
+    assert_eq!(
+        status["methods"],
+        json!(["local", "convection_diffusion", "image_based", "photon_map", "path_traced"])
+    );
     assert!(!status["device"]["name"].as_str().unwrap().is_empty());
     let document = service.get("/openapi.json").await.ok().json();
     assert!(document["openapi"].as_str().unwrap().starts_with("3."));
