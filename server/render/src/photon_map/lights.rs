@@ -111,11 +111,18 @@ pub(super) struct LightPhotons {
 }
 
 impl LightPhotons {
+    /// Bytes of a light's photons and sums.
+    pub fn bytes_of(layout: Layout, field: &FieldOfPhotons) -> u64 {
+        let interaction = INTERACTION_BYTES.iter().sum::<u64>();
+        let photon = u64::from(layout.slots) * interaction + END_BYTES;
+        field.sum_bytes() + u64::from(layout.photons) * photon
+    }
+
     pub fn new(gpu: &Gpu, id: &str, layout: Layout, field: &FieldOfPhotons) -> Result<Self, RenderError> {
         let chunk = if gpu.info().software { CHUNK_PHOTONS_SOFTWARE } else { CHUNK_PHOTONS };
         let storage =
             wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
-        let mut bytes = field.sum_bytes();
+        let bytes = Self::bytes_of(layout, field);
         let mut chunks = Vec::new();
         let mut first = 0;
         while first < layout.photons {
@@ -132,7 +139,6 @@ impl LightPhotons {
             };
             let [places, ways, histories] = INTERACTION_BYTES.map(of_slots);
             let ends = u64::from(count) * END_BYTES;
-            bytes += places + ways + histories + ends;
             chunks.push(Chunk {
                 first,
                 count,

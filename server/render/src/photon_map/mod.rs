@@ -23,6 +23,10 @@ use field::FieldOfPhotons;
 use lights::{Bench, Left, LightPhotons};
 pub(crate) use pipelines::PhotonPipelines;
 
+/// GPU memory of a map. The software device's is the server's own.
+const MAX_BYTES: u64 = 16 << 30;
+const MAX_BYTES_SOFTWARE: u64 = 1 << 30;
+
 /// What a map is laid out for: another layout is another map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Layout {
@@ -139,6 +143,20 @@ impl PhotonMap {
         let before = self.lights.len();
         self.lights.retain(|id, _| scene.lights.iter().any(|light| light.id == *id));
         let dropped = self.lights.len() < before;
+        let limit = if inputs.gpu.info().software { MAX_BYTES_SOFTWARE } else { MAX_BYTES };
+        let needed =
+            self.field.bytes() + scene.lights.len() as u64 * LightPhotons::bytes_of(self.layout, &self.field);
+        if needed > limit {
+            let Layout { photons, slots, .. } = self.layout;
+            let lights = scene.lights.len();
+            return Err(RenderError::TooLarge {
+                what: format!(
+                    "a photon map of {photons} photons with {slots} events from each of {lights} lights, {} MiB",
+                    needed >> 20
+                ),
+                limit: format!("{} MiB; fewer photons, events or lights need less", limit >> 20),
+            });
+        }
         for light in &scene.lights {
             if !self.lights.contains_key(&light.id) {
                 let photons = LightPhotons::new(inputs.gpu, &light.id, self.layout, &self.field)?;

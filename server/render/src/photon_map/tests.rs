@@ -299,6 +299,23 @@ fn every_remedy_is_needed() {
     }
 }
 
+/// A map that would take all memory is refused in words, and the view is none the worse for it.
+#[test]
+fn a_map_that_is_too_large_is_refused() {
+    let mut renderer = renderer();
+    let volume = balls(24);
+    let small = snapshot(&volume, &[], 1);
+    let large = json!({"illumination": {"photons": 16_000_000, "photon_events": 200}});
+    let large = snapshot(&volume, &[large], 2);
+    let mut view = View::new();
+    draw(&mut renderer, &mut view, &small);
+    let request = DrawRequest { snapshot: &large, target: TARGET, budget: None };
+    let refused = renderer.draw(&mut view, &request).unwrap_err().to_string();
+    assert!(refused.contains("16000000 photons") && refused.contains("MiB"), "{refused}");
+    draw(&mut renderer, &mut view, &snapshot(&volume, &[], 3));
+    equal(&mut renderer, &view, &small).unwrap();
+}
+
 /// Edits that come while the map is being brought up to the one before.
 #[test]
 fn interrupted_updates_leave_nothing_behind() {
