@@ -104,6 +104,8 @@ struct Chunk {
 pub(super) struct LightPhotons {
     /// Of its random numbers.
     key: u32,
+    /// Whether what it brings by itself is kept apart.
+    pub direct: bool,
     chunks: Vec<Chunk>,
     /// What they bring to the field.
     pub sums: wgpu::Buffer,
@@ -118,7 +120,12 @@ impl LightPhotons {
         field.sum_bytes() + u64::from(layout.photons) * photon
     }
 
-    pub fn new(gpu: &Gpu, id: &str, layout: Layout, field: &FieldOfPhotons) -> Result<Self, RenderError> {
+    pub fn new(
+        gpu: &Gpu,
+        light: &Light,
+        layout: Layout,
+        field: &FieldOfPhotons,
+    ) -> Result<Self, RenderError> {
         let chunk = if gpu.info().software { CHUNK_PHOTONS_SOFTWARE } else { CHUNK_PHOTONS };
         let storage =
             wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
@@ -152,7 +159,7 @@ impl LightPhotons {
             first += count;
         }
         let sums = gpu.buffer("light sums", field.sum_bytes(), storage)?;
-        Ok(Self { key: key_of(id), chunks, sums, bytes })
+        Ok(Self { key: key_of(&light.id), direct: tables::is_in_light_table(light), chunks, sums, bytes })
     }
 
     pub fn bytes(&self) -> u64 {

@@ -19,6 +19,7 @@ use scene::{Light, Scene};
 use crate::error::RenderError;
 use crate::illumination::{Inputs, Progress};
 use crate::light_field::LightField;
+use crate::tables;
 use field::FieldOfPhotons;
 use lights::{Bench, Left, LightPhotons};
 pub(crate) use pipelines::PhotonPipelines;
@@ -39,6 +40,8 @@ struct Layout {
     bands: u32,
     nearest: bool,
     volume: [u8; 32],
+    /// Edges of the volume's box, world units, as bits: photons are taken out of the texels they are in.
+    size_world: [u64; 3],
 }
 
 impl Layout {
@@ -56,6 +59,7 @@ impl Layout {
             bands: crate::light_field::bands_of(scene, settings.photon_bands),
             nearest: scene.filter == Filter::Nearest,
             volume: scene.volume.content,
+            size_world: scene.grid.size_world.to_array().map(f64::to_bits),
         }
     }
 }
@@ -141,7 +145,11 @@ impl PhotonMap {
     fn bring_lights_to(&mut self, inputs: &Inputs<'_>) -> Result<bool, RenderError> {
         let scene = &inputs.snapshot.scene;
         let before = self.lights.len();
-        self.lights.retain(|id, _| scene.lights.iter().any(|light| light.id == *id));
+        // A light of another kind is another light: its sums have another form.
+        self.lights.retain(|id, photons| {
+            let light = scene.lights.iter().find(|light| light.id == *id);
+            light.is_some_and(|light| tables::is_in_light_table(light) == photons.direct)
+        });
         let dropped = self.lights.len() < before;
         let limit = if inputs.gpu.info().software { MAX_BYTES_SOFTWARE } else { MAX_BYTES };
         let needed =
@@ -159,7 +167,7 @@ impl PhotonMap {
         }
         for light in &scene.lights {
             if !self.lights.contains_key(&light.id) {
-                let photons = LightPhotons::new(inputs.gpu, &light.id, self.layout, &self.field)?;
+                let photons = LightPhotons::new(inputs.gpu, light, self.layout, &self.field)?;
                 self.lights.insert(light.id.clone(), photons);
             }
         }

@@ -215,6 +215,12 @@ fn edits() -> Vec<(&'static str, Value)> {
         ("another clip plane", json!({"clip": {"planes": [{"normal": [0, 1, 0.2], "offset": -0.2}]}})),
         ("other order of lights", json!({"lights": [lamp(0.3, 5.0), sun]})),
         ("a light less", json!({"lights": [lamp(0.3, 5.0)]})),
+        (
+            "another kind of light",
+            json!({"lights": [{"id": "lamp", "type": "environment", "radiance": [1, 1, 1]}]}),
+        ),
+        ("and back to the lamp", json!({"lights": [lamp(0.3, 5.0)]})),
+        ("longer voxels", json!({"spacing": [1.0, 1.0, 1.02]})),
         ("window", json!({"value_range": [0.0, 200.0]})),
         (
             "a surface",
