@@ -249,6 +249,26 @@ proptest! {
     }
 }
 
+/// More bands make another field, which is read as the one before.
+#[test]
+fn another_number_of_bands_leaves_the_lookup_as_it_is() {
+    let plain = json!({"transfer_function": {"points": [{"s": 0.1, "extinction": 0}, {"s": 0.5, "extinction": 90}]},
+        "illumination": {"method": "image_based", "record_directions": 12, "records": 14,
+            "record_lookup": "containing"}});
+    let skin = json!({"transfer_function": {"points": [{"s": 0.1, "extinction": 0},
+        {"s": 0.5, "extinction": 90, "material": "skin"}]}});
+    let volume = blobs();
+    let mut renderer = renderer();
+    let mut running = View::new();
+    for count in 1..=2 {
+        let newest = snapshot(&volume, merged(&[plain.clone(), skin.clone()][..count]), count as u32);
+        draw(&mut renderer, &mut running, &newest, target(40, 32, 1));
+        let mut fresh = View::new();
+        draw(&mut renderer, &mut fresh, &newest, target(40, 32, 1));
+        assert!(renderer.radiance(&running).unwrap() == renderer.radiance(&fresh).unwrap(), "edit {count}");
+    }
+}
+
 /// A view of two blobs whose light is complete.
 struct Lit {
     view: View,

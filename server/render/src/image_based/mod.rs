@@ -268,7 +268,9 @@ impl Kept {
         let arriving = Arriving::of(scene, self.shape.nside as usize, bands as usize, skies);
         let mut at_once = self.light.as_ref().is_some_and(|light| light.arriving.scale != arriving.scale);
         if bands != self.field.bands {
+            let nearest = self.field.nearest;
             self.field = LightField::new(inputs.gpu, self.shape.dims, bands)?;
+            self.field.nearest = nearest;
             at_once = self.light.is_some();
         }
         self.field.set_scale(arriving.scale);
