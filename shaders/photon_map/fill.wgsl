@@ -1,5 +1,6 @@
-// Light sums into the light field: for each light in turn its sums times its colour; after the last one
-// they are divided by the extinction around the texel.
+// Light sums into the light field: for each light in turn its sums times its colour, and as the texels'
+// weights the extinction around them. Look-ups divide what they interpolate by the weight that they
+// interpolate, so both have the same footprint at every place, beside skins, too.
 
 @group(0) @binding(0) var<uniform> fill: Fill;
 @group(0) @binding(1) var<storage, read> sums: array<u32>;
@@ -34,7 +35,8 @@ struct Fill {
     flux_of_one: f32,
     // Fours of lights.
     layers: u32,
-    pad0: u32,
+    // Brings the extinction around texels to about 1 at most.
+    weight_of_mass: f32,
     pad1: u32,
 }
 
@@ -48,7 +50,7 @@ fn fill_field(@builtin(global_invocation_id) texel: vec3u, @builtin(workgroup_id
     let index = (texel.z * fill.dims.y + texel.y) * fill.dims.x + texel.x;
     var mass = 0.0;
     let is_last = (fill.turn & 2u) != 0u;
-    if is_last || fill.direct != NOT_DIRECT { mass = mass_around(texel); }
+    if is_last { mass = mass_around(texel); }
     let coefficients = BANDS * BANDS;
     let texels = fill.dims.x * fill.dims.y * fill.dims.z;
     if fill.direct != NOT_DIRECT {
@@ -56,10 +58,10 @@ fn fill_field(@builtin(global_invocation_id) texel: vec3u, @builtin(workgroup_id
         let x = ((vec3f(texel) + 0.5) / vec3f(fill.dims) - 0.5) * fill.size_world;
         let unit = incident_light(fill.direct, x);
         let arrives = fill.flux_of_one * number(6u * coefficients * texels + 2u * index) / UNIT;
-        let expected = max(unit.irradiance.x, max(unit.irradiance.y, unit.irradiance.z)) * mass;
+        let expected = max(unit.irradiance.x, max(unit.irradiance.y, unit.irradiance.z));
         let power = max_of_power(fill.direct);
         var transmittance = 0.0;
-        if expected > 0.0 && power > 0.0 { transmittance = min(arrives * power / expected, 100.0); }
+        if expected > 0.0 && power > 0.0 { transmittance = min(arrives * power / expected * fill.weight_of_mass, LARGEST); }
         transmittances[fill.direct / 4u * texels + index][fill.direct % 4u] = transmittance;
     }
     if is_last {
@@ -78,8 +80,8 @@ fn fill_field(@builtin(global_invocation_id) texel: vec3u, @builtin(workgroup_id
         if is_last {
             let tile = vec3u(k % BANDS, 0u, k / BANDS) * fill.dims;
             var radiance = vec3f(0.0);
-            if mass > 0.0 { radiance = clamp(total / mass, vec3f(-LARGEST), vec3f(LARGEST)); }
-            let weight = select(0.0, 1.0, mass > 0.0 && k == 0u);
+            if mass > 0.0 { radiance = clamp(total * fill.weight_of_mass, vec3f(-LARGEST), vec3f(LARGEST)); }
+            let weight = select(0.0, mass * fill.weight_of_mass, k == 0u);
             textureStore(light_field, texel + tile, vec4f(radiance, weight));
         }
     }

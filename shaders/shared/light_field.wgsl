@@ -2,8 +2,8 @@
 // whichever method computed it. Directions point to where light comes from.
 //
 // Coefficient k of B^2 lies in tile (k % B, k / B) along x and z of one texture: RGB divided by the
-// field's scale. The alpha of the first tile is the weight of a texel, 1 where light is known and 0
-// where it is not (RGB 0, too): what is interpolated is divided by it.
+// field's scale, times the texel's weight. The weight is the alpha of the first tile, 0 where light is not
+// known: what is interpolated is divided by it.
 
 @group(0) @binding(13) var light_field: texture_3d<f32>;
 @group(0) @binding(14) var light_sampler: sampler;
@@ -25,7 +25,7 @@ struct Field {
 }
 
 // Below this weight nothing is known.
-const LEAST_WEIGHT = 1e-4;
+const LEAST_WEIGHT = 1e-6;
 // Factors of the cosine clamped to the upper hemisphere, divided by pi (Ramamoorthi, Hanrahan 2001).
 const COSINE_BANDS = array<f32, 6>(1.0, 0.6666666667, 0.25, 0.0, -0.0416666667, 0.0);
 

@@ -206,7 +206,7 @@ pub struct Fill {
     pub direct: u32,
     pub flux_of_one: f32,
     pub layers: u32,
-    pub pad0: u32,
+    pub weight_of_mass: f32,
     pub pad1: u32,
 }
 
@@ -523,7 +523,18 @@ pub fn layouts() -> Vec<Layout> {
         layout!("Mass", Mass { dims, count }),
         layout!(
             "Fill",
-            Fill { dims, everything, flux, turn, size_world, direct, flux_of_one, layers, pad0, pad1 }
+            Fill {
+                dims,
+                everything,
+                flux,
+                turn,
+                size_world,
+                direct,
+                flux_of_one,
+                layers,
+                weight_of_mass,
+                pad1
+            }
         ),
         layout!("Mix", Mix { first_pixel, pixel_count, term_count, pad0, powers }),
         layout!(

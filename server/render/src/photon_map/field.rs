@@ -21,6 +21,8 @@ const MACROCELL_EDGE: f64 = 4.0;
 const SUM_BYTES: u64 = 24;
 /// Of a texel what the light brings by itself.
 const DIRECT_BYTES: u64 = 8;
+/// `MOST_DEPTH` of shaders/photon_map/mass.wgsl.
+const MOST_DEPTH: f64 = 2.0;
 /// `NOT_DIRECT` of the shader.
 const NOT_DIRECT: u32 = u32::MAX;
 /// Eight sums of extinction a cell, f32.
@@ -38,6 +40,8 @@ pub(super) struct FieldOfPhotons {
     /// Of four lights each.
     transmittances: wgpu::Buffer,
     layers: u32,
+    /// Of the last call of [`Self::fill`].
+    weight_of_mass_filled: f32,
     fill_uniform: wgpu::Buffer,
     mass_uniform: wgpu::Buffer,
     frame: wgpu::Buffer,
@@ -69,6 +73,7 @@ impl FieldOfPhotons {
             moments: gpu.buffer("extinction around texels", MOMENT_BYTES * cells, storage)?,
             transmittances: gpu.buffer("transmittances", 16 * texels, storage)?,
             layers: 0,
+            weight_of_mass_filled: 0.0,
             totals: gpu.buffer("light of all lights", 16 * texels * coefficients, storage)?,
             fill_uniform: gpu.buffer("fill", std::mem::size_of::<Fill>() as u64, uniform)?,
             mass_uniform: gpu.buffer("mass", std::mem::size_of::<Mass>() as u64, uniform)?,
@@ -202,6 +207,17 @@ impl FieldOfPhotons {
         Ok(())
     }
 
+    /// A power of two, which changes no digit, that brings the largest extinction around a texel to
+    /// about 1.
+    fn weight_of_mass(&self, scene: &Scene) -> f32 {
+        let [x, y, z] = [0, 1, 2].map(|axis| scene.grid.size_world[axis] / f64::from(self.light.dims[axis]));
+        let densest = scene.transfer_function.points.iter().map(|point| point.sigma_t).fold(0.0, f64::max);
+        // As the shader cuts it.
+        let counted = densest.min(MOST_DEPTH * 3.0 / (x + y + z));
+        let largest = counted * x * y * z;
+        if largest > 1e-30 { (-largest.log2().round()).exp2() as f32 } else { 1.0 }
+    }
+
     /// Room for the transmittances of the scene's lights; whether it is new.
     fn make_layers(&mut self, gpu: &Gpu, scene: &Scene) -> Result<bool, RenderError> {
         let lights = scene.lights.iter().filter(|light| tables::is_in_light_table(light)).count();
@@ -235,6 +251,9 @@ impl FieldOfPhotons {
         let scale = if brightest > 0.0 { brightest.min(1e30) } else { 1.0 };
         self.light.set_scale(scale as f32);
         everything |= self.make_layers(gpu, scene)?;
+        let weight_of_mass = self.weight_of_mass(scene);
+        everything |= weight_of_mass != self.weight_of_mass_filled;
+        self.weight_of_mass_filled = weight_of_mass;
         let Some(direct) = self.light.direct.clone() else {
             return Err(RenderError::Gpu("there is no room for transmittances".into()));
         };
@@ -267,6 +286,7 @@ impl FieldOfPhotons {
                     0.0
                 },
                 layers: self.layers,
+                weight_of_mass,
                 ..Fill::default()
             };
             gpu.queue.write_buffer(&self.fill_uniform, 0, bytemuck::bytes_of(&uniform));

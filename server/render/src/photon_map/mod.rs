@@ -26,7 +26,7 @@ pub(crate) use pipelines::PhotonPipelines;
 
 /// GPU memory of a map. The software device's is the server's own.
 const MAX_BYTES: u64 = 16 << 30;
-const MAX_BYTES_SOFTWARE: u64 = 1 << 30;
+const MAX_BYTES_SOFTWARE: u64 = 2 << 30;
 
 /// What a map is laid out for: another layout is another map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
