@@ -27,14 +27,7 @@ impl ToneMapper {
             label: Some("tone_map"),
             source: wgpu::ShaderSource::Wgsl(shaders::TONE_MAP.into()),
         });
-        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some("tone_map"),
-            layout: None,
-            module: &module,
-            entry_point: Some("tone_map"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            cache: None,
-        });
+        let pipeline = gpu.compute_pipeline("tone_map", None, &module, &[]);
         let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         let uniform = gpu.buffer("tone map uniform", std::mem::size_of::<ToneMap>() as u64, usage)?;
         Ok(Self { gpu, pipeline, uniform })

@@ -184,6 +184,28 @@ impl Gpu {
         }
     }
 
+    /// The pipeline of a module's entry point, which is named as the pass is; without a layout that of
+    /// what it uses.
+    pub(crate) fn compute_pipeline(
+        &self,
+        pass: &str,
+        layout: Option<&wgpu::PipelineLayout>,
+        module: &wgpu::ShaderModule,
+        constants: &[(&str, f64)],
+    ) -> wgpu::ComputePipeline {
+        self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(pass),
+            layout,
+            module,
+            entry_point: Some(pass),
+            compilation_options: wgpu::PipelineCompilationOptions {
+                constants,
+                ..wgpu::PipelineCompilationOptions::default()
+            },
+            cache: None,
+        })
+    }
+
     /// Submits one dispatch of a compute pipeline: workgroups along x and y.
     pub(crate) fn dispatch(
         &self,

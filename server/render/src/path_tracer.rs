@@ -65,16 +65,7 @@ impl PathTracer {
                 source: wgpu::ShaderSource::Wgsl(source.into()),
             })
         };
-        let plain = |label, source| {
-            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some(label),
-                layout: None,
-                module: &module(label, source),
-                entry_point: Some(label),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                cache: None,
-            })
-        };
+        let plain = |label, source| gpu.compute_pipeline(label, None, &module(label, source), &[]);
         let bind_group_layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("path_trace"),
             entries: &layout_entries(),
@@ -105,17 +96,7 @@ impl PathTracer {
             constants.push(("FILTER", if variant.nearest { 2.0 } else { 1.0 }));
             constants.push(("ENVIRONMENT_IMAGE", f64::from(u8::from(variant.environment_image))));
             constants.push(("LIGHT_LAYERS", f64::from(u8::from(variant.light_layers))));
-            gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some("path_trace"),
-                layout: Some(pipeline_layout),
-                module,
-                entry_point: Some("path_trace"),
-                compilation_options: wgpu::PipelineCompilationOptions {
-                    constants: &constants,
-                    ..wgpu::PipelineCompilationOptions::default()
-                },
-                cache: None,
-            })
+            gpu.compute_pipeline("path_trace", Some(pipeline_layout), module, &constants)
         };
         self.pipelines.get(variant, compile)
     }

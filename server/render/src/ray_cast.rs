@@ -183,17 +183,7 @@ impl RayCaster {
             constants.push(("DIRECT", f64::from(u8::from(variant.direct))));
             constants.push(("ENVIRONMENT_IMAGE", f64::from(u8::from(variant.image_behind))));
             constants.push(("KEEP_SEGMENTS", f64::from(u8::from(variant.keep_segments))));
-            gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some("ray_cast"),
-                layout: Some(layout),
-                module,
-                entry_point: Some("ray_cast"),
-                compilation_options: wgpu::PipelineCompilationOptions {
-                    constants: &constants,
-                    ..wgpu::PipelineCompilationOptions::default()
-                },
-                cache: None,
-            })
+            gpu.compute_pipeline("ray_cast", Some(layout), module, &constants)
         };
         self.pipelines.get(variant, compile)
     }

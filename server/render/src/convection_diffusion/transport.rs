@@ -59,17 +59,7 @@ pub fn pipeline(
         label: Some(label),
         source: wgpu::ShaderSource::Wgsl(source.into()),
     });
-    gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: Some(label),
-        layout: None,
-        module: &module,
-        entry_point: Some(label),
-        compilation_options: wgpu::PipelineCompilationOptions {
-            constants,
-            ..wgpu::PipelineCompilationOptions::default()
-        },
-        cache: None,
-    })
+    gpu.compute_pipeline(label, None, &module, constants)
 }
 
 /// Binds `entries` as a pipeline's only group.

@@ -87,17 +87,7 @@ impl Upwind {
             immediate_size: 0,
         });
         let pass = |name: &str, constants: &[(&str, f64)]| {
-            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some(name),
-                layout: Some(&pipeline_layout),
-                module: &module,
-                entry_point: Some(name),
-                compilation_options: wgpu::PipelineCompilationOptions {
-                    constants,
-                    ..wgpu::PipelineCompilationOptions::default()
-                },
-                cache: None,
-            })
+            gpu.compute_pipeline(name, Some(&pipeline_layout), &module, constants)
         };
         Self {
             direct: pass("upwind_front", &[("EXPLICIT", 0.0)]),

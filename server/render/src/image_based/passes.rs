@@ -214,19 +214,7 @@ impl Pass {
             ],
             _ => &[("GLOW", flag(variant.glow)), ("DYNAMIC", flag(variant.dynamic))],
         };
-        let compile = || {
-            gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some(self.label),
-                layout: Some(&self.layout),
-                module: &self.module,
-                entry_point: Some(self.label),
-                compilation_options: wgpu::PipelineCompilationOptions {
-                    constants,
-                    ..wgpu::PipelineCompilationOptions::default()
-                },
-                cache: None,
-            })
-        };
+        let compile = || gpu.compute_pipeline(self.label, Some(&self.layout), &self.module, constants);
         self.pipelines.get(variant, compile)
     }
 }

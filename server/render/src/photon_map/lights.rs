@@ -40,7 +40,7 @@ const COUNTER_BYTES: u64 = 8 * COUNTERS as u64 + 4;
 const WORKGROUP: u32 = 64;
 
 /// What all lights work with, one chunk at a time.
-pub(super) struct Bench {
+pub(super) struct InFlight {
     paths: wgpu::Buffer,
     uniform: wgpu::Buffer,
     frame: wgpu::Buffer,
@@ -51,7 +51,7 @@ pub(super) struct Bench {
     owner: Option<(u32, u32)>,
 }
 
-impl Bench {
+impl InFlight {
     pub fn new(gpu: &Gpu) -> Result<Self, RenderError> {
         let chunk = if gpu.info().software { CHUNK_PHOTONS_SOFTWARE } else { CHUNK_PHOTONS };
         let storage =
@@ -81,7 +81,7 @@ impl Bench {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Left {
     Nothing,
-    /// The photons that are on the bench.
+    /// The photons that are on the in_flight.
     SamePhotons,
     Others,
 }
@@ -184,7 +184,7 @@ impl LightPhotons {
     pub fn trace_some(
         &mut self,
         turn: &Turn<'_>,
-        bench: &mut Bench,
+        in_flight: &mut InFlight,
         work: &mut Work,
     ) -> Result<Left, RenderError> {
         let snapshot = turn.inputs.snapshot;
@@ -204,13 +204,13 @@ impl LightPhotons {
             let newest_is_same = chunk.bases.last().is_some_and(is_same);
             chunk.bases.retain(|base| !is_same(base));
             chunk.bases.push(snapshot.clone());
-            let is_on_bench = bench.owner == Some((self.key, chunk.first));
+            let is_on_bench = in_flight.owner == Some((self.key, chunk.first));
             if chunk.is_at_work && is_on_bench && newest_is_same {
-                return chunk.go_on(turn, bench, work, self.key, &self.sums, None);
+                return chunk.go_on(turn, in_flight, work, self.key, &self.sums, None);
             }
-            bench.owner = Some((self.key, chunk.first));
+            in_flight.owner = Some((self.key, chunk.first));
             let begin = Begin { query, nothing_there: is_empty };
-            return chunk.go_on(turn, bench, work, self.key, &self.sums, Some(begin));
+            return chunk.go_on(turn, in_flight, work, self.key, &self.sums, Some(begin));
         }
         Ok(Left::Nothing)
     }
@@ -261,7 +261,7 @@ impl Chunk {
     fn go_on(
         &mut self,
         turn: &Turn<'_>,
-        bench: &mut Bench,
+        in_flight: &mut InFlight,
         work: &mut Work,
         key: u32,
         sums: &wgpu::Buffer,
@@ -280,7 +280,7 @@ impl Chunk {
             key,
             light: *index as u32,
             slots: layout.slots,
-            rays: bench.rays,
+            rays: in_flight.rays,
             steps: if gpu.info().software { STEPS_SOFTWARE } else { STEPS },
             direct: u32::from(tables::is_in_light_table(light)),
             bins: halves(query.bins),
@@ -292,10 +292,10 @@ impl Chunk {
             seed: 0,
             clip_shadows: u32::from(scene.clip.shadows),
         };
-        gpu.queue.write_buffer(&bench.uniform, 0, bytemuck::bytes_of(&uniform));
+        gpu.queue.write_buffer(&in_flight.uniform, 0, bytemuck::bytes_of(&uniform));
         let frame = crate::frame::scene_uniform(scene, inputs.texture);
-        gpu.queue.write_buffer(&bench.frame, 0, bytemuck::bytes_of(&frame));
-        gpu.queue.write_buffer(&bench.counters, 0, &[0; COUNTER_BYTES as usize]);
+        gpu.queue.write_buffer(&in_flight.frame, 0, bytemuck::bytes_of(&frame));
+        gpu.queue.write_buffer(&in_flight.counters, 0, &[0; COUNTER_BYTES as usize]);
         let pipelines = inputs.photon_pipelines;
         let (Some(majorants), Some(environment)) = (inputs.majorants, inputs.environment) else {
             return Err(RenderError::Gpu("a table of the view is missing".into()));
@@ -304,19 +304,19 @@ impl Chunk {
             label: Some("trace_photons"),
             layout: pipelines.trace_layout(),
             entries: &[
-                buffer_entry(0, &bench.frame),
+                buffer_entry(0, &in_flight.frame),
                 texture_entry(1, &inputs.tables.points),
                 texture_entry(2, &inputs.tables.cells),
                 buffer_entry(3, &inputs.tables.materials),
-                buffer_entry(6, &bench.counters),
+                buffer_entry(6, &in_flight.counters),
                 texture_entry(7, &inputs.texture.view),
                 wgpu::BindGroupEntry {
                     binding: 8,
                     resource: wgpu::BindingResource::Sampler(&pipelines.sampler),
                 },
                 texture_entry(9, majorants),
-                buffer_entry(10, &bench.paths),
-                buffer_entry(13, &bench.uniform),
+                buffer_entry(10, &in_flight.paths),
+                buffer_entry(13, &in_flight.uniform),
                 buffer_entry(14, &self.places),
                 buffer_entry(15, &self.ways),
                 buffer_entry(16, &self.histories),
@@ -330,11 +330,11 @@ impl Chunk {
                 label: Some("take_up"),
                 layout: pipelines.take_up_layout(),
                 entries: &[
-                    buffer_entry(0, &bench.frame),
+                    buffer_entry(0, &in_flight.frame),
                     buffer_entry(4, &inputs.lights.sources),
-                    buffer_entry(6, &bench.counters),
-                    buffer_entry(10, &bench.paths),
-                    buffer_entry(13, &bench.uniform),
+                    buffer_entry(6, &in_flight.counters),
+                    buffer_entry(10, &in_flight.paths),
+                    buffer_entry(13, &in_flight.uniform),
                     buffer_entry(14, &self.places),
                     buffer_entry(15, &self.ways),
                     buffer_entry(16, &self.histories),
@@ -344,20 +344,20 @@ impl Chunk {
                 ],
             });
             gpu.dispatch(&pipelines.take_up(light), &bind_group, [self.count.div_ceil(WORKGROUP), 1]);
-            let stale = gpu.read_buffer(&bench.counters, 4)?;
+            let stale = gpu.read_buffer(&in_flight.counters, 4)?;
             work.recomputed += u64::from(bytemuck::pod_read_unaligned::<u32>(&stale));
-            gpu.queue.write_buffer(&bench.counters, 0, &[0; COUNTER_BYTES as usize]);
+            gpu.queue.write_buffer(&in_flight.counters, 0, &[0; COUNTER_BYTES as usize]);
         }
         self.is_at_work = true;
         let began = Instant::now();
         let pipeline = pipelines.trace(PhotonVariant::of(scene, layout.bands));
         gpu.dispatch(&pipeline, &bind_group, [self.count.div_ceil(WORKGROUP), 1]);
-        let bytes = gpu.read_buffer(&bench.counters, COUNTER_BYTES)?;
+        let bytes = gpu.read_buffer(&in_flight.counters, COUNTER_BYTES)?;
         let took = began.elapsed();
         if took < DISPATCH_AIM / 2 {
-            bench.rays = (2 * bench.rays).min(RAYS[1]);
+            in_flight.rays = (2 * in_flight.rays).min(RAYS[1]);
         } else if took > 2 * DISPATCH_AIM {
-            bench.rays = (bench.rays / 2).max(RAYS[0]);
+            in_flight.rays = (in_flight.rays / 2).max(RAYS[0]);
         }
         let words: Vec<u32> = bytemuck::pod_collect_to_vec(&bytes);
         let count = |i: usize| u64::from(words[2 * i]) | u64::from(words[2 * i + 1]) << 32;
@@ -369,7 +369,7 @@ impl Chunk {
         if words[2 * COUNTERS] == 0 {
             self.is_at_work = false;
             self.bases = vec![inputs.snapshot.clone()];
-            bench.owner = None;
+            in_flight.owner = None;
             return Ok(Left::Others);
         }
         Ok(Left::SamePhotons)

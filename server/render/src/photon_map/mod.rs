@@ -21,7 +21,7 @@ use crate::illumination::{Inputs, Progress};
 use crate::light_field::LightField;
 use crate::tables;
 use field::FieldOfPhotons;
-use lights::{Bench, Left, LightPhotons};
+use lights::{InFlight, Left, LightPhotons};
 pub(crate) use pipelines::PhotonPipelines;
 
 /// GPU memory of a map. The software device's is the server's own.
@@ -67,7 +67,7 @@ impl Layout {
 /// The photon map of a session.
 pub(crate) struct PhotonMap {
     layout: Layout,
-    bench: Bench,
+    in_flight: InFlight,
     field: FieldOfPhotons,
     /// By the light's identifier.
     lights: BTreeMap<String, LightPhotons>,
@@ -82,7 +82,7 @@ impl PhotonMap {
         let layout = Layout::of(&inputs.snapshot.scene);
         Ok(Self {
             layout,
-            bench: Bench::new(inputs.gpu)?,
+            in_flight: InFlight::new(inputs.gpu)?,
             field: FieldOfPhotons::new(inputs.gpu, layout.dims, layout.bands)?,
             lights: BTreeMap::new(),
             filled: None,
@@ -111,9 +111,9 @@ impl PhotonMap {
             for (index, light) in scene.lights.iter().enumerate() {
                 let Some(photons) = self.lights.get_mut(&light.id) else { continue };
                 let turn = Turn { inputs, light, index, field: &self.field, layout: self.layout };
-                let mut left = photons.trace_some(&turn, &mut self.bench, &mut work)?;
+                let mut left = photons.trace_some(&turn, &mut self.in_flight, &mut work)?;
                 while left == Left::SamePhotons && !is_late() {
-                    left = photons.trace_some(&turn, &mut self.bench, &mut work)?;
+                    left = photons.trace_some(&turn, &mut self.in_flight, &mut work)?;
                 }
                 goes_on |= left != Left::Nothing;
                 if is_late() {
@@ -190,7 +190,7 @@ impl PhotonMap {
 
     pub fn bytes(&self) -> u64 {
         let photons: u64 = self.lights.values().map(LightPhotons::bytes).sum();
-        self.bench.bytes() + self.field.bytes() + photons
+        self.in_flight.bytes() + self.field.bytes() + photons
     }
 
     /// Every buffer of a light's photons and its sums, for tests of equality.

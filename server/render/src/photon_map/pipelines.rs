@@ -90,17 +90,7 @@ impl Module {
     }
 
     fn compile(&self, gpu: &Gpu, constants: &[(&'static str, f64)]) -> wgpu::ComputePipeline {
-        gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(self.entry_point),
-            layout: Some(&self.layout),
-            module: &self.shader,
-            entry_point: Some(self.entry_point),
-            compilation_options: wgpu::PipelineCompilationOptions {
-                constants,
-                ..wgpu::PipelineCompilationOptions::default()
-            },
-            cache: None,
-        })
+        gpu.compute_pipeline(self.entry_point, Some(&self.layout), &self.shader, constants)
     }
 }
 

@@ -142,11 +142,11 @@ fn every_light_is_as_bright_as_followed_from_the_eye() {
     for light in lights {
         let lit = json!({"lights": [light], "background": [0, 0, 0], "density": 0.2});
         let traced = json!({"illumination": {"method": "path_traced", "paths_per_pixel": 64}});
-        let photons = json!({"illumination": {"photons": 32768, "photon_grid": 24}});
+        let photons = json!({"illumination": {"photons": 262144, "photon_grid": 24}});
         let found = mean(&mut renderer, &volume, &[lit.clone(), photons]);
         let expected = mean(&mut renderer, &volume, &[lit.clone(), traced]);
         eprintln!("{found:.5} {expected:.5} {:+.3} {}", found / expected - 1.0, lit["lights"][0]);
-        assert!((found / expected - 1.0).abs() < 0.06, "{found} for {expected}: {lit}");
+        assert!((found / expected - 1.0).abs() < 0.03, "{found} for {expected}: {lit}");
     }
 }
 

@@ -52,31 +52,6 @@ fn with_inputs<T>(
     run(&inputs, &device.gpu)
 }
 
-/// Milliseconds of a scene's light from scratch with its iterations, then of a recoloured one, then of
-/// one with a light moved; in words.
-pub fn begin(device: &mut Device, [first, recolored]: &[Arc<Snapshot>; 2], moved: &Arc<Snapshot>) -> String {
-    let mut light: Option<ConvectionDiffusion> = None;
-    let mut words = Vec::new();
-    for snapshot in [first, first, recolored, moved] {
-        let fresh = Arc::new(Snapshot::clone(snapshot));
-        let time = with_inputs(device, &fresh, |inputs, gpu| {
-            gpu.wait().unwrap();
-            let began = std::time::Instant::now();
-            // The first run compiles; the second begins again.
-            let mut counters = BTreeMap::new();
-            if words.len() < 2 {
-                light = Some(ConvectionDiffusion::new(inputs).unwrap());
-            }
-            light.as_mut().unwrap().advance(inputs, None, &mut counters).unwrap();
-            gpu.wait().unwrap();
-            let millis = began.elapsed().as_secs_f64() * 1e3;
-            format!("{millis:.2} ms, {} iterations", counters.get("light_iterations").unwrap_or(&0))
-        });
-        words.push(time);
-    }
-    words[1..].join("; ")
-}
-
 /// The same scene by a method that needs no light field.
 fn local(snapshot: &Snapshot) -> Arc<Snapshot> {
     let scene = Scene { method: proto::scene_file::Method::Local, ..snapshot.scene.clone() };

@@ -1,14 +1,12 @@
 //! Solvers against closed forms, on the device.
 
 mod diffusion;
-mod figures;
 mod transport;
 
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock};
 
 use glam::DVec3;
 use proto::SceneFile;
-use scene::light::LightGeometry;
 use scene::plan::Target;
 use scene::{PreparedVolume, Scene, Snapshot, Volume, Voxels};
 use serde_json::{Value, json};
