@@ -244,11 +244,29 @@ fn what_is_refused() {
         ("[2.0,1.0,0.5]", "[2.0,1.0]", "scale"),
         ("[2.0,1.0,0.5]", "[2.0,1.0,0.0]", "scale"),
         ("multiscales", "images", "multiscales"),
+        ("\"name\":\"z\"", "\"name\":\"Y\"", "there twice"),
     ] {
         let changed = attributes.replace(from, to);
         assert_ne!(changed, attributes, "{from}");
         put(root, ".zattrs", changed.as_bytes());
         refused(read(root), "", &[words]);
+    }
+}
+
+#[test]
+fn axes_without_the_usual_names_keep_the_order_of_the_array() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    version2(root, Value::Null, &|bytes| bytes);
+    let attributes = fs::read_to_string(root.join(".zattrs")).unwrap();
+    for name in ["", "xy", "depth"] {
+        put(
+            root,
+            ".zattrs",
+            attributes.replace("\"name\":\"z\"", &format!("\"name\":\"{name}\"")).as_bytes(),
+        );
+        let imported = read(root).unwrap_or_else(|refused| panic!("{name}: {refused}"));
+        assert_eq!(data(&imported), expected(), "{name}");
     }
 }
 

@@ -63,14 +63,13 @@ fn read(mut store: Store, options: &ReadOptions<'_>) -> Result<Imported, FormatE
         choose_level(&mut store, &multiscale, options, &mut notices)?;
 
     let space = multiscale.space();
-    let named = space.iter().all(|axis| "xyz".contains(multiscale.axes[*axis].name.as_str()));
     // File axis 0 is the fastest: the last one of space.
+    let world_axes: Option<Vec<usize>> =
+        space.iter().rev().map(|axis| multiscale.world_axis(*axis)).collect();
     let mut permutation = [0, 1, 2];
-    if named && space.len() == 3 {
-        for (position, axis) in space.iter().rev().enumerate() {
-            if let Some(world) = "xyz".find(multiscale.axes[*axis].name.as_str()) {
-                permutation[world] = position;
-            }
+    if let Some(world_axes) = world_axes.filter(|axes| axes.len() == permutation.len()) {
+        for (position, world) in world_axes.into_iter().enumerate() {
+            permutation[world] = position;
         }
     }
     let file_spacing: Vec<f64> = space.iter().rev().map(|axis| level.scale[*axis]).collect();

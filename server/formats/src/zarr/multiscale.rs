@@ -88,6 +88,11 @@ impl Multiscale {
         (0..self.axes.len()).filter(|axis| self.axes[*axis].is_space).collect()
     }
 
+    /// Which world axis (0 to 2) an axis is by its name.
+    pub(super) fn world_axis(&self, axis: usize) -> Option<usize> {
+        ["x", "y", "z"].iter().position(|name| self.axes[axis].name == *name)
+    }
+
     /// The unit that all axes of space share.
     pub(super) fn unit(&self, notices: &mut Vec<String>) -> Option<String> {
         let mut units = self.axes.iter().filter(|axis| axis.is_space).map(|axis| axis.unit.as_deref());
@@ -125,6 +130,9 @@ fn axes(file: &str, json: &Value) -> Result<Vec<Axis>, FormatError> {
             found.is_space = kind == "space";
         }
         found.unit = axis["unit"].as_str().map(str::to_owned);
+        if axes.iter().any(|other: &Axis| other.name == found.name) {
+            return Err(wrong(&format!("axes with different names (`{name}` is there twice)")));
+        }
         axes.push(found);
     }
     let space = axes.iter().filter(|axis| axis.is_space).count();
