@@ -209,7 +209,7 @@ pub fn lights(scene: &Scene) -> Vec<uniforms::Light> {
 
 /// Whether a light is in the table of [`lights`]: one that shines from one direction on each place.
 pub fn is_in_light_table(light: &Light) -> bool {
-    !matches!(light.geometry, LightGeometry::UniformEnvironment | LightGeometry::Environment { .. })
+    !light.is_environment()
 }
 
 /// Radiance of the uniform environment, black without one.

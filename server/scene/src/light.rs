@@ -86,6 +86,11 @@ impl LightGeometry {
 }
 
 impl Light {
+    /// Whether it comes from everywhere, instead of from one direction at each place.
+    pub fn is_environment(&self) -> bool {
+        matches!(self.geometry, LightGeometry::UniformEnvironment | LightGeometry::Environment { .. })
+    }
+
     /// Whether it is neither off nor black.
     pub fn shines(&self) -> bool {
         self.power != DVec3::ZERO

@@ -66,8 +66,14 @@ impl Records {
         let matter = scene.transfer_function.points.iter();
         let mut materials = matter.map(|point| &scene.materials[point.material]);
         let directed = materials.any(|m| m.surface > 0.0 || m.phase != Phase::Isotropic);
+        // Lights with a direction of their own are no part of the coefficients of `product`.
+        let surrounded = || {
+            let mut lights = scene.lights.iter();
+            lights.any(|light| light.is_environment()) || scene.glows()
+        };
         match self.form {
-            RecordForm::Product | RecordForm::Static if directed => self.bands,
+            RecordForm::Product if directed && surrounded() => self.bands,
+            RecordForm::Static if directed => self.bands,
             _ => 1,
         }
     }

@@ -15,6 +15,7 @@ use std::time::Instant;
 use glam::DVec3;
 use proto::scene_file::{Filter, RecordForm, RecordLookup};
 use scene::camera::Projection;
+use scene::light::Light;
 use scene::spherical::healpix;
 use scene::{Records, Scene, Snapshot, records};
 
@@ -22,7 +23,7 @@ use crate::error::RenderError;
 use crate::frame::frame_uniform;
 use crate::gpu::Gpu;
 use crate::illumination::{Inputs, Progress};
-use crate::light_field::LightField;
+use crate::light_field::{LIGHTS_A_SLAB, LightField};
 use crate::tables;
 use crate::uniforms;
 use crate::view::FilmCache;
@@ -75,6 +76,8 @@ struct Kept {
     field: LightField,
     /// Which scene's matter, and lookup, decided where records are.
     placed: Option<Arc<Snapshot>>,
+    /// Lights in the order of the field's layers of transmittances.
+    direct: Vec<String>,
     /// The light that coefficients are to be the product with, and its number.
     light: Option<Lit>,
     lit: u64,
@@ -237,6 +240,7 @@ impl Kept {
             buffers: Buffers::new(gpu, shape.columns)?,
             field: LightField::new(gpu, shape.dims, bands)?,
             placed: None,
+            direct: Vec::new(),
             light: None,
             lit: 0,
             shape,
@@ -273,6 +277,7 @@ impl Kept {
             self.field.nearest = nearest;
             at_once = self.light.is_some();
         }
+        self.make_direct(scene, &arriving)?;
         self.field.set_scale(arriving.scale);
         let size = wgpu::Extent3d {
             width: arriving.products.len() as u32 / (bands * bands),
@@ -292,6 +297,24 @@ impl Kept {
         self.light = Some(Lit { snapshot: inputs.snapshot.clone(), arriving, products });
         self.lit += 1;
         Ok(at_once)
+    }
+
+    /// Makes room for transmittances from lights that have rays of their own, where they are kept. If
+    /// their order changed, nothing is known of any.
+    fn make_direct(&mut self, scene: &Scene, arriving: &Arriving) -> Result<(), RenderError> {
+        if Records::of(scene).form != RecordForm::Product {
+            self.field.direct = None;
+            self.direct.clear();
+            return Ok(());
+        }
+        let ids: Vec<String> = arriving.lights.iter().map(|light| light.id.clone()).collect();
+        let same_places = self.direct.iter().zip(&ids).all(|(old, new)| old == new);
+        let room = self.field.direct_layers() * LIGHTS_A_SLAB;
+        if self.field.direct.is_none() || !same_places || ids.len() as u32 > room {
+            self.field.make_direct(ids.len())?;
+        }
+        self.direct = ids;
+        Ok(())
     }
 
     /// What all dispatches of a scene read.
@@ -344,7 +367,7 @@ impl Kept {
             material: densest_material(scene) as u32,
             window: u32::from(settings.window && settings.form == RecordForm::Product),
             own_lights: self.own_lights(),
-            pad0: 0,
+            lights_in_field: if self.field.direct.is_some() { 0 } else { self.own_lights() },
             pad1: 0,
             pad2: 0,
             eye: eye.as_vec4().to_array(),
@@ -363,9 +386,17 @@ fn same_light(old: &Scene, new: &Scene) -> bool {
     let same_eye = || old.camera == new.camera && folded(old) == folded(new);
     (a.bands, a.form, a.window) == (b.bands, b.form, b.window)
         && a.bands_read(old) == b.bands_read(new)
-        && old.lights == new.lights
+        && same_lights(&old.lights, &new.lights, b.form)
         && brightest(old) == brightest(new)
         && (b.form != RecordForm::Dynamic || same_eye())
+}
+
+/// Whether lights are the same, but for the colours of those whose transmittances are kept.
+fn same_lights(old: &[Light], new: &[Light], form: RecordForm) -> bool {
+    let kept = |light: &Light| form == RecordForm::Product && has_own_ray(light, form);
+    let without_colour = |light: &Light| Light { power: DVec3::ONE, ..light.clone() };
+    old.len() == new.len()
+        && old.iter().zip(new).all(|(a, b)| a == b || kept(a) && without_colour(a) == without_colour(b))
 }
 
 /// The material whose phase function stands for all where only one can.

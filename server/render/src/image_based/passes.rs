@@ -39,6 +39,8 @@ pub struct Passes {
     gpu: Arc<Gpu>,
     march: Pass,
     project: Pass,
+    /// Stands where a field has no layers of transmittances.
+    no_layers: wgpu::TextureView,
 }
 
 struct Pass {
@@ -80,7 +82,20 @@ impl Passes {
     pub fn new(gpu: Arc<Gpu>) -> Self {
         let march = Pass::new(&gpu, "march_records", shaders::MARCH_RECORDS, &march_entries());
         let project = Pass::new(&gpu, "project_records", shaders::PROJECT_RECORDS, &project_entries());
-        Self { gpu, march, project }
+        let no_layers = gpu
+            .device
+            .create_texture(&wgpu::TextureDescriptor {
+                label: Some("no layers"),
+                size: wgpu::Extent3d::default(),
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D3,
+                format: wgpu::TextureFormat::Rgba16Float,
+                usage: wgpu::TextureUsages::STORAGE_BINDING,
+                view_formats: &[],
+            })
+            .create_view(&wgpu::TextureViewDescriptor::default());
+        Self { gpu, march, project, no_layers }
     }
 
     /// Casts the rays of `records` entries, a row of workgroups for each column.
@@ -128,12 +143,14 @@ impl Passes {
                 buffer_entry(18, &buffers.counters),
                 texture_entry(19, bound.products),
                 texture_entry(20, &bound.field.view),
+                texture_entry(21, bound.field.direct.as_ref().unwrap_or(&self.no_layers)),
             ],
         );
         let variant = PassVariant { nearest: false, quads: false, ..variant };
         let pipeline = self.project.pipeline(&self.gpu, variant);
         let coefficients = bound.field.bands * bound.field.bands;
-        self.gpu.dispatch(&pipeline, &group, [records.div_ceil(GROUP), coefficients]);
+        let rows = coefficients + bound.field.direct_layers();
+        self.gpu.dispatch(&pipeline, &group, [records.div_ceil(GROUP), rows]);
     }
 }
 
@@ -275,6 +292,7 @@ fn project_entries() -> Vec<wgpu::BindGroupLayoutEntry> {
         entry(4, buffer(UNIFORM)),
         entry(19, texture(wgpu::TextureViewDimension::D2, FLOATS)),
         entry(20, field),
+        entry(21, field),
     ];
     own.into_iter().chain(shared_entries()).collect()
 }

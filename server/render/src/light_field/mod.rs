@@ -118,6 +118,11 @@ impl LightField {
         Ok(())
     }
 
+    /// Slabs of transmittances, four lights each; 0: there are none.
+    pub fn direct_layers(&self) -> u32 {
+        self.direct.as_ref().map_or(0, |view| view.texture().depth_or_array_layers() / self.dims[2])
+    }
+
     /// The radiance that texels hold as 1. Half floats end at 65504 and lose digits below 6e-5.
     pub fn set_scale(&self, scale: f32) {
         let uniform = uniforms::Field { dims: self.dims.map(|n| n as f32), scale };
@@ -127,7 +132,7 @@ impl LightField {
     /// Bytes on the GPU.
     pub fn bytes(&self) -> u64 {
         let texels = self.dims.iter().map(|&n| u64::from(n)).product::<u64>();
-        TEXEL_BYTES * texels * u64::from(self.bands * self.bands)
+        TEXEL_BYTES * texels * u64::from(self.bands * self.bands + self.direct_layers())
     }
 
     /// Writes all texels from the host: `coefficients[k][texel]`, x fastest.
