@@ -808,8 +808,8 @@ pub struct Illumination {
     pub photon_bands: u32,
     /// `convection_diffusion`: cells of the light grid along each axis for a voxel, 0.01..2.
     pub light_grid: f64,
-    /// `convection_diffusion`: bands of spherical harmonics that tell from where light comes, 1..6; 1
-    /// is enough for isotropic matter without surfaces.
+    /// `convection_diffusion`: bands of diffused light, 1..6: 1 is its mean, 2 adds where it flows to,
+    /// which isotropic matter does not see. More is taken as 2: P1 has no more.
     pub light_bands: u32,
     /// `convection_diffusion`: how light is carried from its source.
     pub transport: LightTransport,
@@ -901,7 +901,7 @@ impl Default for Illumination {
             photon_grid: 48,
             photon_bands: 3,
             light_grid: 0.5,
-            light_bands: 3,
+            light_bands: 2,
             transport: LightTransport::default(),
             explicit_steps: 5,
             diffusion: Diffusion::default(),

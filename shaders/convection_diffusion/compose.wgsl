@@ -1,7 +1,9 @@
-// Pass `compose_field`: direct light of all sources and diffused light as the light field that view
+// Pass `compose_field`: transmittances from all sources and diffused light as the light field that view
 // rays read (README.md, equations 15 to 17).
 
 @group(0) @binding(21) var field_out: texture_storage_3d<rgba16float, write>;
+// As in shared/light_field.wgsl.
+@group(0) @binding(23) var direct_out: texture_storage_3d<rgba16float, write>;
 @group(0) @binding(24) var matter: texture_3d<f32>;
 @group(0) @binding(31) var<storage, read_write> flows: array<vec4f>;
 @group(0) @binding(35) var<storage, read_write> solution: array<vec4f>;
@@ -16,7 +18,7 @@ struct Compose {
     pad1: u32,
 }
 
-const MAX_COEFFICIENTS = 36u;
+const LIGHTS_A_LAYER = 4u;
 // Of half floats, with room to spare.
 const LARGEST = 60000.0;
 // Y_00, and Y_1 by the component of a direction.
@@ -30,37 +32,49 @@ fn compose_field(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_
     let index = grid.first + min(place, grid.count - 1u);
     let cell = cell_of(index);
     let bands = steering(compose.bands);
-    let coefficients = bands * bands;
     let diffusion = steering(compose.diffusion);
-    var radiance: array<vec3f, MAX_COEFFICIENTS>;
+    let inside = place < grid.count;
+    var mean = vec3f(0.0);
+    var towards = array<vec3f, 3>();
     if diffusion == 2u {
-        radiance[0] = max(solution[index].xyz, vec3f(0.0)) * Y_0;
-    } else {
-        for (var i = 0u; i < steering(sources.count); i++) {
-            let direct = direct_light(i, cell, index);
-            for (var k = 0u; k < coefficients; k++) {
-                radiance[k] += direct.at_centre * spherical_harmonic(k, direct.w_i);
-            }
+        mean = max(solution[index].xyz, vec3f(0.0)) * Y_0;
+    } else if inside {
+        for (var layer = 0u; LIGHTS_A_LAYER * layer < steering(sources.count); layer++) {
+            textureStore(direct_out, cell + vec3u(0u, 0u, layer * grid.cells.z), layer_of(layer, index));
         }
     }
     if diffusion != 1u {
         // Without P1, whose boundary lets it in, light from all around is undimmed, as in `local`.
-        radiance[0] += 4.0 * PI * Y_0 * sources.ambient;
+        mean += 4.0 * PI * Y_0 * sources.ambient;
     }
     if diffusion == 1u {
-        radiance[0] += seen_of(diffused(cell, index), cell, radiance[0] / Y_0) * Y_0;
+        mean = seen_of(diffused(cell, index), cell, index) * Y_0;
         if bands > 1u {
             // L = (phi + 3 J . w) / 4 pi for light that travels along w, seen from where it comes.
-            radiance[1] -= Y_1 * flux(cell, index, 1u);
-            radiance[2] -= Y_1 * flux(cell, index, 2u);
-            radiance[3] -= Y_1 * flux(cell, index, 0u);
+            towards = array<vec3f, 3>(-Y_1 * flux(cell, index, 1u), -Y_1 * flux(cell, index, 2u), -Y_1 * flux(cell, index, 0u));
         }
     }
-    for (var k = 0u; k < coefficients; k++) {
-        let tile = vec3u(k % bands, 0u, k / bands) * grid.cells;
-        let value = clamp(radiance[k], vec3f(-LARGEST), vec3f(LARGEST));
-        if place < grid.count { textureStore(field_out, cell + tile, vec4f(value, 1.0)); }
+    if inside {
+        store(cell, 0u, bands, mean);
+        if bands > 1u {
+            for (var k = 1u; k < 4u; k++) { store(cell, k, bands, towards[k - 1u]); }
+        }
     }
+}
+
+fn store(cell: vec3u, k: u32, bands: u32, radiance: vec3f) {
+    let tile = vec3u(k % bands, 0u, k / bands) * grid.cells;
+    textureStore(field_out, cell + tile, vec4f(clamp(radiance, vec3f(-LARGEST), vec3f(LARGEST)), 1.0));
+}
+
+// Transmittances from the four lights of a layer.
+fn layer_of(layer: u32, index: u32) -> vec4f {
+    var four = vec4f(0.0);
+    for (var i = 0u; i < LIGHTS_A_LAYER; i++) {
+        let light = LIGHTS_A_LAYER * layer + i;
+        if light < sources.count { four[i] = transmittances_of(light, index).x; }
+    }
+    return four;
 }
 
 // Fluence of diffused light in a cell; beside matter what its profile, led on to the cell's centre,
@@ -87,13 +101,17 @@ fn diffused(cell: vec3u, index: u32) -> vec3f {
 }
 
 // Of the diffused fluence in a cell of opaque matter what is seen of it, at its skin: what its own
-// profile has at the face, and what a half-space of this matter gives back of the light that enters
-// (`direct`, half of it is left where it was taken). Between optical depths of 2 and 8 one goes over
-// into the other (README.md, equation 16).
-fn seen_of(fluence: vec3f, cell: vec3u, direct: vec3f) -> vec3f {
+// profile has at the face, and what a half-space of this matter gives back of the direct light that
+// enters (half of it is left where it was taken). Between optical depths of 2 and 8 one goes over into
+// the other (README.md, equation 16).
+fn seen_of(fluence: vec3f, cell: vec3u, index: u32) -> vec3f {
     let found = textureLoad(matter, vec3i(cell), 0);
     let depth = found.w * (grid.cell_size.x + grid.cell_size.y + grid.cell_size.z) / 3.0;
     let skin = smoothstep(2.0, 8.0, depth);
+    var direct = vec3f(0.0);
+    if skin > 0.0 {
+        for (var i = 0u; i < steering(sources.count); i++) { direct += direct_light(i, cell, index).at_centre; }
+    }
     let albedo = 1.0 - found.xyz / max(found.w, 1e-20);
     let k = sqrt(3.0 * max(1.0 - albedo, vec3f(0.0)));
     let given_back = 3.5 * albedo / (1.0 + (2.36 + 1.8 * k) * k);

@@ -24,7 +24,6 @@ struct Sources {
 const NEAREST = 0.02;
 
 struct Direct {
-    w_i: vec3f,
     // Fluence at the cell's centre, and its mean over the cell.
     at_centre: vec3f,
     mean: vec3f,
@@ -41,7 +40,12 @@ fn direct_light(i: u32, cell: vec3u, index: u32) -> Direct {
         }
     }
     let incident = incident_light(i, x);
-    let shares = unpack2x16unorm(transmittances[sources.slots[i].x + index]);
+    let shares = transmittances_of(i, index);
     let arriving = incident.irradiance * sources.inverse_scale;
-    return Direct(incident.w_i, arriving * shares.x, arriving * shares.y);
+    return Direct(arriving * shares.x, arriving * shares.y);
+}
+
+// Of light i: at the cell's centre, and the mean over the cell.
+fn transmittances_of(i: u32, index: u32) -> vec2f {
+    return unpack2x16unorm(transmittances[sources.slots[i].x + index]);
 }

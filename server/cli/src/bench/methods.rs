@@ -158,7 +158,7 @@ const CONVECTION_DIFFUSION: Entry = Entry {
             r#"{"illumination": {"light_grid": 1.0, "max_residual": 1e-4}}"#,
             false,
         ),
-        light("grid 1, 6 bands", r#"{"illumination": {"light_grid": 1.0, "light_bands": 6}}"#, false),
+        light("grid 1/2, 1 band", r#"{"illumination": {"light_bands": 1}}"#, false),
         light("upwind, grid 1/2", r#"{"illumination": {"transport": "upwind"}}"#, false),
         light("explicit, 5 steps", r#"{"illumination": {"transport": "explicit"}}"#, false),
         light(

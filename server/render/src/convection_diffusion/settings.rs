@@ -10,6 +10,7 @@ use super::diffusion::largest_buffer;
 use super::passes::NEAREST;
 use super::sweep::Cells;
 use crate::gpu::Gpu;
+use crate::light_field;
 use crate::tables;
 use crate::uniforms::MAX_FIELD_LIGHTS;
 
@@ -27,6 +28,15 @@ pub fn kind_of(scene: &Scene) -> Kind {
     match scene.orders {
         Orders::AtMost(1) => Kind::None,
         _ => scene.illumination.diffusion,
+    }
+}
+
+/// Bands that the field needs: diffused light has its mean and, by P1, its flux, which isotropic
+/// matter does not see.
+pub fn bands_of(scene: &Scene) -> u32 {
+    match kind_of(scene) {
+        Kind::P1 => light_field::bands_of(scene, scene.illumination.light_bands.min(2)),
+        Kind::Heat | Kind::None => 1,
     }
 }
 
@@ -52,9 +62,7 @@ pub fn transport_of(settings: &Illumination) -> (LightTransport, u32) {
 
 /// Lights with a direction at each place, in the order of `tables::lights`.
 pub fn carried(scene: &Scene) -> impl Iterator<Item = &scene::Light> {
-    scene.lights.iter().filter(|light| {
-        !matches!(light.geometry, LightGeometry::UniformEnvironment | LightGeometry::Environment { .. })
-    })
+    scene.lights.iter().filter(|light| !light.is_environment())
 }
 
 /// The light grid of a scene: as fine as it asks for, if the device has room.
@@ -64,7 +72,7 @@ pub fn grid_of(scene: &Scene, gpu: &Gpu) -> Cells {
     loop {
         let dims = scene.grid.dims.map(|n| ((n as f64 * share).round() as u32).clamp(1, MAX_EDGE));
         let cells = Cells { dims, size: scene.grid.size_world / DVec3::from_array(dims.map(f64::from)) };
-        let edge = dims.iter().max().copied().unwrap_or(1) * scene.illumination.light_bands;
+        let edge = dims.iter().max().copied().unwrap_or(1) * bands_of(scene);
         let fits = largest_buffer(&cells).max(4 * lights * cells.count()) <= gpu.max_binding_bytes()
             && edge <= gpu.max_texture_edge_3d();
         if fits || cells.count() == 1 {

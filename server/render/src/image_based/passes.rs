@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::error::RenderError;
 use crate::gpu::{Gpu, buffer_entry, texture_entry};
 use crate::image_based::slots::CHUNK_SLOTS;
-use crate::light_field::LightField;
+use crate::light_field::{self, LightField};
 use crate::shaders;
 use crate::uniforms;
 use crate::variants::Variants;
@@ -82,19 +82,7 @@ impl Passes {
     pub fn new(gpu: Arc<Gpu>) -> Self {
         let march = Pass::new(&gpu, "march_records", shaders::MARCH_RECORDS, &march_entries());
         let project = Pass::new(&gpu, "project_records", shaders::PROJECT_RECORDS, &project_entries());
-        let no_layers = gpu
-            .device
-            .create_texture(&wgpu::TextureDescriptor {
-                label: Some("no layers"),
-                size: wgpu::Extent3d::default(),
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D3,
-                format: wgpu::TextureFormat::Rgba16Float,
-                usage: wgpu::TextureUsages::STORAGE_BINDING,
-                view_formats: &[],
-            })
-            .create_view(&wgpu::TextureViewDescriptor::default());
+        let no_layers = light_field::no_layers(&gpu);
         Self { gpu, march, project, no_layers }
     }
 

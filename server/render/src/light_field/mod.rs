@@ -57,6 +57,21 @@ fn texture(gpu: &Gpu, size: wgpu::Extent3d) -> Result<wgpu::Texture, RenderError
     gpu.allocating("the light field", bytes, || gpu.device.create_texture(&descriptor))
 }
 
+/// Stands where passes may write transmittances of a field that has none.
+pub(crate) fn no_layers(gpu: &Gpu) -> wgpu::TextureView {
+    let descriptor = wgpu::TextureDescriptor {
+        label: Some("no transmittances"),
+        size: wgpu::Extent3d::default(),
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D3,
+        format: wgpu::TextureFormat::Rgba16Float,
+        usage: wgpu::TextureUsages::STORAGE_BINDING,
+        view_formats: &[],
+    };
+    gpu.device.create_texture(&descriptor).create_view(&wgpu::TextureViewDescriptor::default())
+}
+
 /// Texels of a field whose longest edge has about `longest` of them: cells about cubic, none smaller
 /// than a voxel.
 pub(crate) fn dims(scene: &Scene, longest: u32) -> [u32; 3] {

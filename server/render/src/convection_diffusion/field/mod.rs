@@ -14,7 +14,7 @@ use scene::{Scene, Snapshot};
 
 use super::diffusion::{Diffusion, Grids};
 use super::passes::Passes;
-use super::settings::{carried, grid_of, kind_of, transport_of};
+use super::settings::{bands_of, carried, grid_of, kind_of, transport_of};
 use super::stale::{Region, changed_region};
 use super::sweep::Cells;
 use super::transport::{Lines, Matter, Transport, storage};
@@ -22,7 +22,7 @@ use super::upwind::{Fronts, Upwind};
 use crate::error::RenderError;
 use crate::gpu::Gpu;
 use crate::illumination::{Inputs, Progress};
-use crate::light_field::LightField;
+use crate::light_field::{LIGHTS_A_SLAB, LightField};
 use crate::uniforms::Sweep;
 
 /// Pipelines of the method, for all sessions of a device; compiled when first needed.
@@ -130,7 +130,7 @@ impl ConvectionDiffusion {
             slots: Vec::new(),
             transmittances: storage(gpu, "transmittances", 4 * cells.count())?,
             diffused: None,
-            field: LightField::new(gpu, cells.dims, scene.illumination.light_bands)?,
+            field: LightField::new(gpu, cells.dims, bands_of(scene))?,
             unfilled: Some(Region::all(&cells)),
             carrying: None,
             unprepared: true,
@@ -141,6 +141,7 @@ impl ConvectionDiffusion {
         };
         light.take_lights(scene)?;
         light.make_room_for_diffusion(scene)?;
+        light.make_room_for_light(scene)?;
         Ok(light)
     }
 
@@ -231,8 +232,7 @@ impl ConvectionDiffusion {
         }
         let scene = &new.scene;
         let cells = grid_of(scene, &self.gpu);
-        let same_form = cells == self.cells && scene.illumination.light_bands == self.field.bands;
-        if changes.volume || !same_form {
+        if changes.volume || cells != self.cells {
             *self = Self::new(inputs)?;
             return Ok(());
         }
@@ -265,6 +265,7 @@ impl ConvectionDiffusion {
         if transport_of(&self.snapshot.scene.illumination) != transport_of(&scene.illumination) {
             self.mark_lights(Stale::Everything);
         }
+        self.make_room_for_light(scene)?;
         self.snapshot = new;
         if !self.is_complete() {
             self.uncomposed = Some(0);
@@ -318,6 +319,25 @@ impl ConvectionDiffusion {
             encoder.copy_buffer_to_buffer(&self.transmittances, 0, &larger, 0, self.transmittances.size());
             self.gpu.queue.submit([encoder.finish()]);
             self.transmittances = larger;
+        }
+        Ok(())
+    }
+
+    /// Gives the field the bands and the layers of transmittances that the scene needs.
+    fn make_room_for_light(&mut self, scene: &Scene) -> Result<(), RenderError> {
+        if self.field.bands != bands_of(scene) {
+            self.field = LightField::new(&self.gpu, self.cells.dims, bands_of(scene))?;
+            self.uncomposed = Some(0);
+        }
+        // The heat flow takes direct light as well.
+        if kind_of(scene) == Kind::Heat {
+            self.field.direct = None;
+            return Ok(());
+        }
+        let lights = carried(scene).count();
+        if self.field.direct.is_none() || self.field.direct_layers() * LIGHTS_A_SLAB < lights as u32 {
+            self.field.make_direct(lights)?;
+            self.uncomposed = Some(0);
         }
         Ok(())
     }
