@@ -50,8 +50,9 @@ struct Frame {
     matter_cells: vec2u,
     // Smallest and largest s at which there is matter.
     matter_range: vec2f,
-    pad1: u32,
-    pad2: u32,
+    // value_scale * texel + value_offset: share of the data's range, 0..1.
+    value_scale: f32,
+    value_offset: f32,
     // Slice: the points with dot(xyz, x) = w. Isosurface: w is its s, not clamped.
     surface: vec4f,
     // The environment map's axes in the world.

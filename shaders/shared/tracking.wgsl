@@ -1,10 +1,12 @@
 // Free flights and transmittances without bias: null-collision tracking below a bound for each
 // macrocell (Woodcock et al. 1965; ratio tracking: Novak et al. 2014), leaping where there is no
 // matter. A ray's way through a cell is a function of ray and cell alone, so that leaps change no
-// bit of the picture.
+// bit of the picture. Where there is no matter around a tentative collision the ray goes on from the
+// nearest place at which there can be: the bound of a cell that holds air and skin is no bound of air.
 
 // The bits of a number: above 0 a bound of the extinction in the cell, below 0 there is no matter in
-// cells closer than that; and the bins that are relied on by reading it.
+// cells closer than that; the bins that are relied on by reading it; and in two halves the values, of
+// 65535 shares of the data's range, below and above which there is no matter in the cell.
 @group(0) @binding(9) var macrocells: texture_3d<u32>;
 
 const MACROCELL_EDGE = 4.0;
@@ -20,6 +22,11 @@ const UNFINISHED = 0u;
 const COLLISION = 1u;
 const ESCAPE = 2u;
 const LOST = 3u;
+
+// How far values may be off, as a share of the data's range: by f32 arithmetic, or by a sampler that
+// knows 256 places between two voxels.
+const SLACK_OF_NUMBERS = 1e-4;
+const SLACK_OF_SAMPLER = 0.0078125;
 
 // Bins the invocation's paths relied on.
 var<private> bins_met: vec2u;
@@ -43,6 +50,8 @@ fn track(path: ptr<function, Path>, pixel: vec2u, steps: ptr<function, u32>) -> 
     let uvw_slope = ray.direction / frame.size_world;
     let thinnest = 1.0 / max(to_cells.x, max(to_cells.y, to_cells.z));
     let margin = min(BORDER_MARGIN, 1e-3 * thinnest);
+    // Between two voxels a value changes by the data's range at most.
+    let way_of_range = 1.0 / dot(abs(ray.direction), frame.voxels / frame.size_world);
     var t = (*path).t;
     var lookup = (*path).lookup;
     var optical_depth = (*path).optical_depth;
@@ -53,6 +62,8 @@ fn track(path: ptr<function, Path>, pixel: vec2u, steps: ptr<function, u32>) -> 
         // From cell to cell until a tentative collision lies in one.
         var found = false;
         var bound = 0.0;
+        var free = 0u;
+        var far = end;
         while !found && outcome == UNFINISHED && left > 0u {
             left -= 1u;
             lookups.y += 1u;
@@ -60,12 +71,13 @@ fn track(path: ptr<function, Path>, pixel: vec2u, steps: ptr<function, u32>) -> 
             let known = textureLoad(macrocells, vec3i(cell), 0);
             bound = bitcast<f32>(known.x);
             bins_met |= known.yz;
+            free = known.w;
             let reach = max(-bound, 1.0);
             let low = border_origin + (cell - (reach - 1.0)) * border_slope;
             let high = border_origin + (cell + reach) * border_slope;
             let enter = min(low, high);
             let leave = max(low, high);
-            let far = min(min(leave.x, leave.y), min(leave.z, end));
+            far = min(min(leave.x, leave.y), min(leave.z, end));
             if bound > 0.0 {
                 t = max(t, max(max(enter.x, enter.y), enter.z));
                 let there = t + optical_depth / bound;
@@ -81,7 +93,8 @@ fn track(path: ptr<function, Path>, pixel: vec2u, steps: ptr<function, u32>) -> 
         }
         if found {
             lookups.x += 1u;
-            let s = s_of_texel(texel_value(uvw_origin + t * uvw_slope));
+            let texel = texel_value(uvw_origin + t * uvw_slope);
+            let s = s_of_texel(texel);
             let sigma_t = sigma_t_in(piece_of(s, found), s);
             let u = unit2(draw(path, pixel).xy);
             optical_depth = -log(u.x);
@@ -95,6 +108,10 @@ fn track(path: ptr<function, Path>, pixel: vec2u, steps: ptr<function, u32>) -> 
                 (*path).s = s;
                 outcome = COLLISION;
             }
+            if FILTER != 2u && sigma_t <= 0.0 {
+                // No farther than the cell that the limits are known of.
+                t = clamp(t + value_to_matter(texel, free) * way_of_range, t, max(far, t));
+            }
             if (*path).draws > MOST_DRAWS { outcome = LOST; }
         }
     }
@@ -104,6 +121,13 @@ fn track(path: ptr<function, Path>, pixel: vec2u, steps: ptr<function, u32>) -> 
     (*path).transmittance = through;
     *steps = left;
     return outcome;
+}
+
+// By how much the value must change, as a share of the data's range, until there can be matter.
+fn value_to_matter(texel: f32, free: u32) -> f32 {
+    let limits = unpack2x16unorm(free);
+    let value = frame.value_scale * texel + frame.value_offset;
+    return max(limits.x - value, value - limits.y) - select(SLACK_OF_SAMPLER, SLACK_OF_NUMBERS, FILTER == 1u);
 }
 
 // Four words of the path's sequence.

@@ -49,6 +49,7 @@ fn frame_of(scene: &Scene, texture: &VolumeTexture, image: [u32; 2]) -> FrameUni
         Projection::Orthographic { half_height } => (1, half_height),
     };
     let (s_scale, s_offset) = texture.s_from_texel(scene);
+    let (value_scale, value_offset) = texture.share_from_texel(scene, scene.volume.range);
     let mut planes = [[0.0; 4]; MAX_PLANES];
     for (slot, (normal, offset)) in planes.iter_mut().zip(&scene.clip.planes) {
         *slot = normal.extend(*offset).as_vec4().to_array();
@@ -90,8 +91,8 @@ fn frame_of(scene: &Scene, texture: &VolumeTexture, image: [u32; 2]) -> FrameUni
         pad0: 0,
         matter_cells: [matter_cells as u32, (matter_cells >> 32) as u32],
         matter_range,
-        pad1: 0,
-        pad2: 0,
+        value_scale: value_scale as f32,
+        value_offset: value_offset as f32,
         surface: surface(scene),
         map_x: tables::vector(map.x_axis),
         pad3: 0,

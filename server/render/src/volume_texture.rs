@@ -30,7 +30,11 @@ pub struct VolumeTexture {
 impl VolumeTexture {
     /// Factors of `s = scale * texel + offset` (before clamping) for a scene's window.
     pub(crate) fn s_from_texel(&self, scene: &Scene) -> (f64, f64) {
-        let [low, high] = scene.range_in_view();
+        self.share_from_texel(scene, scene.range_in_view())
+    }
+
+    /// Factors that make a texel a share of an interval of data values; 0 if that is empty.
+    pub(crate) fn share_from_texel(&self, scene: &Scene, [low, high]: [f64; 2]) -> (f64, f64) {
         if high <= low {
             return (0.0, 0.0);
         }

@@ -140,6 +140,22 @@ fn local_bounds_save_look_ups_at_equal_variance() {
     assert!(at_equal_variance > 2.0, "{at_equal_variance}");
 }
 
+#[test]
+fn air_beside_dense_matter_is_not_looked_at_as_if_it_were_dense() {
+    let mut renderer = renderer();
+    let mut look_ups = |extinction: f64| {
+        let points = json!([{"s": 0, "extinction": 0}, {"s": 0.3, "extinction": 0},
+            {"s": 0.5, "extinction": extinction, "albedo": [0.9, 0.9, 0.9]}]);
+        let patch = json!({"transfer_function": {"points": points}, "scattering": {"orders": 1}});
+        let scene = snapshot(&balls(), patch, 1);
+        draw(&mut renderer, &mut View::new(), &scene, TARGET).counters["tentative_collisions"] as f64
+    };
+    let (thin, dense) = (look_ups(1e3), look_ups(1e5));
+    eprintln!("{thin} look-ups at 1e3, {dense} at 1e5");
+    // A hundred times as many by the bounds of macrocells alone.
+    assert!(dense < 15.0 * thin, "{thin} {dense}");
+}
+
 /// Edits of the transfer function, one after the other, some of them superseded before the picture
 /// is complete.
 #[test]

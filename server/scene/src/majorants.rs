@@ -21,7 +21,16 @@ pub struct Majorants {
     /// Bins that occur in the cell, or in the cells that a bound below 0 speaks of: as long as
     /// matter in none of them changes, what was learned here stays true.
     pub bins: Vec<u64>,
+    /// Below the first and above the second there is no matter in the cell. Shares of the data's range,
+    /// of [`WHOLE_RANGE`]. From `bins`' matter alone, as the bound.
+    pub free: Vec<[u16; 2]>,
 }
+
+/// What 1 is in [`Majorants::free`].
+pub const WHOLE_RANGE: u16 = u16::MAX;
+/// By how much the limits of [`Majorants::free`] are moved apart, of [`WHOLE_RANGE`]: rounding of what is
+/// compared with them. No round number, so that no limit lies where the last digit decides.
+const FREE_MARGIN: f64 = 1.37;
 
 impl Majorants {
     /// The scene's. Without `sampling.skip_empty` no bound is below -1.
@@ -41,7 +50,11 @@ impl Majorants {
         let bounds = masks.par_iter().zip(&distance).map(bound);
         // An extinction that rounds to 0 is matter all the same.
         let bounds = bounds.map(|bound| if bound < 0.0 { bound } else { bound.max(f32::MIN_POSITIVE) });
-        Self { bounds: bounds.collect(), bins: bins_nearby(cells.dims, masks, &distance, with_matter) }
+        Self {
+            bounds: bounds.collect(),
+            bins: bins_nearby(cells.dims, masks, &distance, with_matter),
+            free: free_of_matter(scene, masks),
+        }
     }
 
     /// The same with the largest bound everywhere: what a tracker without macrocells would use.
@@ -49,7 +62,8 @@ impl Majorants {
         let local = Self::of(scene);
         let largest = local.bounds.iter().copied().fold(f32::MIN_POSITIVE, f32::max);
         let all = local.bins.iter().fold(0, |all, bins| all | bins);
-        Self { bounds: vec![largest; local.bounds.len()], bins: vec![all; local.bins.len()] }
+        let count = local.bounds.len();
+        Self { bounds: vec![largest; count], bins: vec![all; count], free: vec![[0, WHOLE_RANGE]; count] }
     }
 }
 
@@ -60,6 +74,25 @@ fn largest_in(mask: u64, largest: &[f64; BIN_COUNT], filter: Filter) -> f64 {
         Filter::Nearest => &mut (0..BIN_COUNT).filter(|bin| mask >> bin & 1 == 1),
     };
     bins.fold(0.0, |sum, bin| largest[bin].max(sum))
+}
+
+fn free_of_matter(scene: &Scene, masks: &[u64]) -> Vec<[u16; 2]> {
+    let [low, high] = scene.volume.range;
+    if scene.filter == Filter::Nearest || high <= low {
+        return vec![[0, WHOLE_RANGE]; masks.len()];
+    }
+    let matter = scene.classification().matter_in_bins(&scene.volume.bins);
+    let share = |value: f64| (value - low) / (high - low) * f64::from(WHOLE_RANGE);
+    let limits = |mask: &u64| {
+        // Bins of an interval of values follow one another.
+        let bins = mask.trailing_zeros() as usize..BIN_COUNT - mask.leading_zeros() as usize;
+        let held = matter.get(bins).unwrap_or_default().iter().flatten();
+        let (first, last) = held
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(first, last), [a, b]| (a.min(first), b.max(last)));
+        // Casts saturate; a cell without matter is not looked into.
+        [(share(first) - FREE_MARGIN).floor() as u16, (share(last) + FREE_MARGIN).ceil() as u16]
+    };
+    masks.par_iter().map(limits).collect()
 }
 
 /// For each cell the bins of all cells closer than its distance: its own at distance 0. At other
@@ -166,6 +199,24 @@ mod tests {
         let dense = majorants.bounds.iter().copied().fold(0.0, f32::max);
         assert!((40.0..40.01).contains(&dense), "{dense}");
         assert!(!majorants.bounds.iter().any(|bound| (0.0..f32::MIN_POSITIVE).contains(bound)));
+        let volume = &scene.volume;
+        let cells = volume.macrocells.dims;
+        for (index, &[below, above]) in majorants.free.iter().enumerate() {
+            let value = |limit: u16| {
+                volume.range[0]
+                    + f64::from(limit) / f64::from(WHOLE_RANGE) * (volume.range[1] - volume.range[0])
+            };
+            let [x, y, z] = place(index, cells);
+            if majorants.bounds[index] < 0.0 {
+                continue;
+            }
+            // Values between 0 and 198; matter begins at 0.3 of the window, which is that of the data.
+            let mask = volume.macrocells.masks(scene.filter)[index];
+            let begins = (0.3 * 198.0_f64).max(volume.bins.edges[mask.trailing_zeros() as usize]);
+            assert!((begins - 0.02..begins).contains(&value(below)), "cell {x} {y} {z}: {below}");
+            let ends = volume.bins.edges[BIN_COUNT - mask.leading_zeros() as usize];
+            assert!(value(above) >= ends.min(198.0), "cell {x} {y} {z}: {above}");
+        }
         let global = Majorants::global(&scene);
         assert!(global.bounds.iter().all(|&bound| bound == dense));
     }

@@ -126,6 +126,35 @@ impl Classification<'_> {
         })
     }
 
+    /// Of each bin the smallest and largest data value at which there is matter; `None`: there is none.
+    /// As for all that bins decide, they are a little wider than they are.
+    pub fn matter_in_bins(&self, bins: &Bins) -> [Option<[f64; 2]>; BIN_COUNT] {
+        let slack = self.slack(bins);
+        let [window_low, window_high] = self.value_range;
+        let data_value = |s: f64| window_low + s * (window_high - window_low);
+        std::array::from_fn(|bin| {
+            let [low, high] = bins.interval(bin);
+            let [low, high] = [low - slack, high + slack];
+            let [s_low, s_high] = clamped([self.s(low), self.s(high)]);
+            if self.function.largest_sigma_t(s_low, s_high) <= 0.0 {
+                return None;
+            }
+            let mut cuts = vec![s_low, s_high];
+            let inside = self.function.points.iter().filter(|p| (s_low..=s_high).contains(&p.s));
+            cuts.extend(inside.map(|p| p.s));
+            cuts.sort_by(f64::total_cmp);
+            // Ends of pieces with matter, places where it stands alone included.
+            let in_matter = |a: f64, b: f64| self.function.largest_sigma_t(a, b) > 0.0;
+            let found = cuts.windows(2).filter(|piece| in_matter(piece[0], piece[1]));
+            let (first, last) =
+                found.fold((s_high, s_low), |(first, last), piece| (piece[0].min(first), piece[1].max(last)));
+            // Beyond the window's ends the function is constant.
+            let first = if first <= s_low || window_high <= window_low { low } else { data_value(first) };
+            let last = if last >= s_high || window_high <= window_low { high } else { data_value(last) };
+            Some([first, last])
+        })
+    }
+
     /// Bins that may hold a data value, once it has been interpolated and rounded.
     pub fn bins_near(&self, value: f64, bins: &Bins) -> u64 {
         self.mask(bins, |low, high| (low..=high).contains(&value))
