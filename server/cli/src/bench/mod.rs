@@ -47,6 +47,9 @@ pub struct Arguments {
     /// Scenes to use where a suite has a choice, separated by commas; default: all.
     #[arg(long, value_delimiter = ',')]
     scenes: Vec<String>,
+    /// Methods that `stability` measures, separated by commas; default: all.
+    #[arg(long, value_delimiter = ',')]
+    methods: Vec<String>,
     /// Where reports go.
     #[arg(long, value_name = "DIR", default_value = "bench-out")]
     out: PathBuf,
@@ -82,7 +85,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         match suite {
             Suite::Accuracy => drop(accuracy::chosen(&arguments.scenes, arguments.quick)?),
             Suite::Skip | Suite::Steps => drop(chosen_scenes(&arguments.scenes)?),
-            Suite::Stability | Suite::Stream | Suite::Load => {}
+            Suite::Stability => drop(chosen_methods(&arguments.methods)?),
+            Suite::Stream | Suite::Load => {}
         }
     }
     suites.into_iter().try_for_each(|suite| run_suite(suite, arguments))
@@ -101,12 +105,16 @@ fn run_suite(suite: Suite, arguments: &Arguments) -> anyhow::Result<()> {
             let plan = accuracy::Plan { scenes: &arguments.scenes, size, out, references: &references };
             accuracy::run(&plan)
         }
-        Suite::Stability => stability::run(arguments.quick, out),
+        Suite::Stability => stability::run(&chosen_methods(&arguments.methods)?, arguments.quick, out),
         Suite::Skip => skip::run(&chosen_scenes(&arguments.scenes)?, arguments.quick, out),
         Suite::Steps => steps::run(&chosen_scenes(&arguments.scenes)?, out),
         Suite::Stream => stream::run(out),
         Suite::Load => load::run(out),
     }
+}
+
+fn chosen_methods(names: &[String]) -> Result<Vec<&'static methods::Entry>, Refused> {
+    methods::chosen(names).map_err(Refused)
 }
 
 fn chosen_scenes(names: &[String]) -> Result<Vec<Builtin>, Refused> {
