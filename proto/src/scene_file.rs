@@ -806,6 +806,9 @@ pub struct Illumination {
     /// `photon_map`: bands of spherical harmonics that hold the light where matter is not isotropic,
     /// 1..6.
     pub photon_bands: u32,
+    /// `photon_map`: cells along the volume's longest edge of the grid that holds what lights bring by
+    /// themselves, 4..256; none smaller than half a voxel.
+    pub direct_grid: u32,
     /// `convection_diffusion`: cells of the light grid along each axis for a voxel, 0.01..2.
     pub light_grid: f64,
     /// `convection_diffusion`: bands of diffused light, 1..6: 1 is its mean, 2 adds where it flows to,
@@ -900,6 +903,7 @@ impl Default for Illumination {
             photon_events: 16,
             photon_grid: 48,
             photon_bands: 3,
+            direct_grid: 64,
             light_grid: 0.5,
             light_bands: 2,
             transport: LightTransport::default(),

@@ -1,7 +1,6 @@
 // Light sums: what the photons of a light bring to the texels of its field, in whole numbers.
 
-// Of each texel and coefficient red, green, blue; behind them of each texel what the light brings by
-// itself: 64 bits in two words, in units of 1 / UNIT.
+// Of each texel and coefficient red, green, blue: 64 bits in two words, in units of 1 / UNIT.
 @group(0) @binding(18) var<storage, read_write> sums: array<atomic<u32>>;
 // Of each brick of 4^3 texels: 1 if a sum changed.
 @group(0) @binding(19) var<storage, read_write> touched: array<u32>;
@@ -11,9 +10,8 @@ override BANDS: u32 = 1u;
 const UNIT = 262144.0;
 const BRICK_EDGE = 4u;
 
-// A photon's share in the eight texels around it; `sign` 1: it comes, -1: it goes, 0: there is none;
-// `direct`: it has not been scattered, and needs no directions.
-fn deposit(x: vec3f, way: vec3f, throughput: vec3f, sign: i32, direct: bool) {
+// A photon's share in the eight texels around it; `sign` 1: it comes, -1: it goes, 0: there is none.
+fn deposit(x: vec3f, way: vec3f, throughput: vec3f, sign: i32) {
     let dims = vec3f(photons.dims);
     let place = clamp(x / frame.size_world + 0.5, vec3f(0.0), vec3f(1.0)) * dims - 0.5;
     let low = floor(place);
@@ -32,9 +30,7 @@ fn deposit(x: vec3f, way: vec3f, throughput: vec3f, sign: i32, direct: bool) {
         let brick = texel / BRICK_EDGE;
         let bricks = (photons.dims + BRICK_EDGE - 1u) / BRICK_EDGE;
         touched[(brick.z * bricks.y + brick.y) * bricks.x + brick.x] = 1u;
-        if direct { add(6u * coefficients * photons.dims.x * photons.dims.y * photons.dims.z + 2u * index, sign * i32(round(min(max_of(throughput) * share * UNIT, 2e9)))); }
-        let kept = select(coefficients, 0u, direct);
-        for (var k = 0u; k < kept; k++) {
+        for (var k = 0u; k < coefficients; k++) {
             let amounts = sign * vec3i(round(clamp(throughput * (share * harmonics[k]) * UNIT, vec3f(-2e9), vec3f(2e9))));
             let first = 6u * (index * coefficients + k);
             add(first, amounts.x);

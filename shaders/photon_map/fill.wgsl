@@ -9,9 +9,6 @@
 // Of each texel and coefficient: lights so far.
 @group(0) @binding(9) var<storage, read_write> totals: array<vec4f>;
 @group(0) @binding(5) var light_field: texture_storage_3d<rgba16float, write>;
-// Of each four lights and each texel: transmittances from the lights.
-@group(0) @binding(6) var<storage, read_write> transmittances: array<vec4f>;
-@group(0) @binding(7) var direct_field: texture_storage_3d<rgba16float, write>;
 
 override BANDS: u32 = 1u;
 const UNIT = 262144.0;
@@ -27,20 +24,12 @@ struct Fill {
     flux: vec3f,
     // 1: of the first light; 2: of the last one.
     turn: u32,
-    // Of the volume's box, world units.
-    size_world: vec3f,
-    // Place in the ray caster's table of lights; NOT_DIRECT for lights that are not in it.
-    direct: u32,
-    // Flux of a photon over the light's power.
-    flux_of_one: f32,
-    // Fours of lights.
-    layers: u32,
     // Brings the extinction around texels to about 1 at most.
     weight_of_mass: f32,
+    pad0: u32,
     pad1: u32,
+    pad2: u32,
 }
-
-const NOT_DIRECT = 0xffffffffu;
 
 @compute @workgroup_size(4, 4, 4)
 fn fill_field(@builtin(global_invocation_id) texel: vec3u, @builtin(workgroup_id) brick: vec3u) {
@@ -52,24 +41,6 @@ fn fill_field(@builtin(global_invocation_id) texel: vec3u, @builtin(workgroup_id
     let is_last = (fill.turn & 2u) != 0u;
     if is_last { mass = mass_around(texel); }
     let coefficients = BANDS * BANDS;
-    let texels = fill.dims.x * fill.dims.y * fill.dims.z;
-    if fill.direct != NOT_DIRECT {
-        // What arrives, over what would arrive if nothing were in between.
-        let x = ((vec3f(texel) + 0.5) / vec3f(fill.dims) - 0.5) * fill.size_world;
-        let unit = incident_light(fill.direct, x);
-        let arrives = fill.flux_of_one * number(6u * coefficients * texels + 2u * index) / UNIT;
-        let expected = max(unit.irradiance.x, max(unit.irradiance.y, unit.irradiance.z));
-        let power = max_of_power(fill.direct);
-        var transmittance = 0.0;
-        if expected > 0.0 && power > 0.0 { transmittance = min(arrives * power / expected * fill.weight_of_mass, LARGEST); }
-        transmittances[fill.direct / 4u * texels + index][fill.direct % 4u] = transmittance;
-    }
-    if is_last {
-        for (var layer = 0u; layer < fill.layers; layer++) {
-            let slab = vec3u(0u, 0u, layer * fill.dims.z);
-            textureStore(direct_field, texel + slab, transmittances[layer * texels + index]);
-        }
-    }
     for (var k = 0u; k < coefficients; k++) {
         let at = index * coefficients + k;
         let first = 6u * at;
@@ -85,11 +56,6 @@ fn fill_field(@builtin(global_invocation_id) texel: vec3u, @builtin(workgroup_id
             textureStore(light_field, texel + tile, vec4f(radiance, weight));
         }
     }
-}
-
-fn max_of_power(light: u32) -> f32 {
-    let power = lights[light].power;
-    return max(power.x, max(power.y, power.z));
 }
 
 // A signed 64-bit number in two words, about.

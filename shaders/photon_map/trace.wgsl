@@ -78,9 +78,10 @@ fn trace_photons(
             if flies && (outcome == LOST || stores && last) { cut += max_of(path.throughput); }
             path.stage = select(DONE, AT, stores && !last);
         }
+        // What has not been scattered is not the field's where it is kept apart.
+        let is_apart = slot == base && steering(photons.direct) == 1u;
         deposit(places[slot].xyz, ways[slot].xyz,
-            vec3f(ways[slot].w, bitcast<vec2f>(histories[2u * slot + 1u].xy)), sign,
-            slot == base && steering(photons.direct) == 1u);
+            vec3f(ways[slot].w, bitcast<vec2f>(histories[2u * slot + 1u].xy)), select(sign, 0, is_apart));
         if undoes { path.light -= 1u; }
         if path.stage == DONE && path.light == path.scatterings || steps == 0u { rays = 0u; }
     }

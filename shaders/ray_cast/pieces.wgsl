@@ -8,6 +8,11 @@ const MOST_BEND_OF_SURFACES = 0.0005;
 // unless they were more than these.
 const MOST_PARTS_BY_BEND = 8.0;
 
+// Where shadows are looked up, parts are no deeper than this (optical depth);
+const MOST_DEPTH_OF_A_PART = 0.5;
+// unless they were more than these.
+const MOST_PARTS_BY_DEPTH = 16.0;
+
 // Keeps a quotient of extinctions finite.
 const SMALLEST_EXTINCTION = 1e-30;
 

@@ -123,10 +123,15 @@ fn integrate(way: Way, from_t: f32, to_t: f32, counts: ptr<function, vec4u>) -> 
         if FILTER != 2u { cubic = cubic_along(grid, march.found, march.corners, t.x, t.y); }
         let most_bend = select(MOST_BEND, MOST_BEND_OF_SURFACES, SURFACES);
         let by_bend = min(ceil(sqrt(bend_of(cubic) / most_bend)), MOST_PARTS_BY_BEND);
-        let parts = max(max(by_bend, ceil((t.y - t.x) / frame.step_world)), 1.0);
+        var parts = max(max(by_bend, ceil((t.y - t.x) / frame.step_world)), 1.0);
         // The next part, whose end is `far`; what is left of it begins at `near`.
-        var next = select(parts + 1.0, 1.0, march.has_found);
         var near = field_point(t.x, s_on(cubic, 0.0));
+        if DIRECT {
+            // Light gets no deeper into matter than sight: where both fade, parts are short.
+            let densest = max(near.extinction.sigma_t, table_entry(s_on(cubic, 1.0)).sigma_t);
+            parts = max(parts, min(ceil(densest * (t.y - t.x) / MOST_DEPTH_OF_A_PART), MOST_PARTS_BY_DEPTH));
+        }
+        var next = select(parts + 1.0, 1.0, march.has_found);
         march.has_found = false;
         while next <= parts {
             let u = next / parts;

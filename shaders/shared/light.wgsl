@@ -18,9 +18,10 @@ struct Light {
     power: vec3f,
     cos_inner: f32,
     cos_outer: f32,
+    // Its place in fields of direct light, whatever the order of lights.
+    slot: u32,
     pad0: u32,
     pad1: u32,
-    pad2: u32,
 }
 
 struct Incident {

@@ -9,12 +9,9 @@
 @group(0) @binding(14) var light_sampler: sampler;
 @group(0) @binding(15) var<uniform> field: Field;
 
-// Of four lights a slab along z: how much of a light reaches a texel's surroundings.
-@group(0) @binding(16) var direct_field: texture_3d<f32>;
-
 // Bands; 0: there is no field.
 override FIELD_BANDS: u32 = 0u;
-// Whether what lights bring by themselves is not in it, but in `direct_field`.
+// Whether what lights bring by themselves is not in it, but in `direct_field` (direct_light/look_up.wgsl).
 override DIRECT: bool = false;
 
 struct Field {
@@ -22,6 +19,15 @@ struct Field {
     dims: vec3f,
     // Radiance of 1 in the texture.
     scale: f32,
+    // Cells between nodes of `direct_field`.
+    direct_cells: vec3f,
+    // How far towards a light matter is looked at, world units.
+    near: f32,
+    // 1: clipped matter blocks light.
+    clip_blocks: u32,
+    pad0: u32,
+    pad1: u32,
+    pad2: u32,
 }
 
 // Below this weight nothing is known.
@@ -65,17 +71,6 @@ fn scattered_from_field(x: vec3f, w_o: vec3f, albedo: vec3f, material: Material,
     }
     // Bands that are cut off leave ripples, below 0, too.
     return max(sum, vec3f(0.0)) * select(0.0, field.scale / first.w, first.w > LEAST_WEIGHT);
-}
-
-// Of the ray caster's table of lights.
-fn transmittance_from(light: u32, x: vec3f) -> f32 {
-    let inside = clamp((x / frame.size_world + 0.5) * field.dims, vec3f(0.5), field.dims - 0.5);
-    let bands = f32(max(FIELD_BANDS, 1u));
-    let weight = textureSampleLevel(light_field, light_sampler, inside / (field.dims * vec3f(bands, 1.0, bands)), 0.0).w;
-    let layers = f32(textureDimensions(direct_field).z) / field.dims.z;
-    let slab = (inside + vec3f(0.0, 0.0, f32(light / 4u) * field.dims.z)) / (field.dims * vec3f(1.0, 1.0, layers));
-    let four = textureSampleLevel(direct_field, light_sampler, slab, 0.0);
-    return select(0.0, four[light % 4u] / weight, weight > LEAST_WEIGHT);
 }
 
 fn coefficient(at: vec3f, k: u32) -> vec3f {

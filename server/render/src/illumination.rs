@@ -10,6 +10,7 @@ use scene::Snapshot;
 use scene::plan::LightState;
 
 use crate::convection_diffusion::{self, ConvectionDiffusion};
+use crate::direct_light;
 use crate::error::RenderError;
 use crate::gpu::Gpu;
 use crate::image_based::{self, ImageBased};
@@ -61,6 +62,7 @@ pub(crate) struct Inputs<'a> {
     /// The environment's image; a black texel without one.
     pub environment: Option<&'a EnvironmentTables>,
     pub photon_pipelines: &'a PhotonPipelines,
+    pub direct_light: &'a Arc<direct_light::Passes>,
     pub convection_diffusion: &'a convection_diffusion::Pipelines,
 }
 

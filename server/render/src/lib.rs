@@ -5,6 +5,7 @@
 
 mod convection_diffusion;
 mod device_clock;
+mod direct_light;
 mod environment_map;
 mod error;
 mod film;

@@ -31,8 +31,9 @@ pub struct Variant {
     pub keep_segments: bool,
     /// Bands of the light field; 0: there is none. `FIELD_BANDS` in the shader.
     pub field_bands: u32,
-    /// Whether what lights bring by themselves stands beside it; `DIRECT` in the shader.
-    pub direct: bool,
+    /// Parts in which matter beside a place is looked at, if what lights bring by themselves stands
+    /// beside the field, else 0; `DIRECT` and `NEAR_PARTS` in the shader.
+    pub near_parts: u32,
     /// Whether an image lies behind the volume; `ENVIRONMENT_IMAGE` in the shader.
     pub image_behind: bool,
     /// What the scene uses.
@@ -74,7 +75,7 @@ impl Variant {
             quads: texture.quads.is_some(),
             keep_segments: false,
             field_bands: field.map_or(0, |field| field.bands),
-            direct: field.is_some_and(|field| field.direct.is_some()),
+            near_parts: field.map_or(0, LightField::near_parts),
             image_behind: matches!(scene.background, Background::Image { .. }),
             features: if scene.rendering.is_lit() { Features::of(scene) } else { Features::default() },
         }
@@ -180,7 +181,8 @@ impl RayCaster {
             constants.push(("SEGMENTS", f64::from(variant.segments)));
             constants.push(("QUADS", f64::from(u8::from(variant.quads))));
             constants.push(("FIELD_BANDS", f64::from(variant.field_bands)));
-            constants.push(("DIRECT", f64::from(u8::from(variant.direct))));
+            constants.push(("DIRECT", f64::from(u8::from(variant.near_parts > 0))));
+            constants.push(("NEAR_PARTS", f64::from(variant.near_parts.max(1))));
             constants.push(("ENVIRONMENT_IMAGE", f64::from(u8::from(variant.image_behind))));
             constants.push(("KEEP_SEGMENTS", f64::from(u8::from(variant.keep_segments))));
             gpu.compute_pipeline("ray_cast", Some(layout), module, &constants)

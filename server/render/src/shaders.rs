@@ -18,6 +18,7 @@ pub const RAY_CAST: &str = parts!(
     "shared/environment.wgsl",
     "shared/sh.wgsl",
     "shared/light_field.wgsl",
+    "direct_light/look_up.wgsl",
     "local/local.wgsl",
     "ray_cast/way.wgsl",
     "ray_cast/cells.wgsl",
@@ -72,8 +73,23 @@ pub const MARCH_RECORDS: &str = parts!(
     "ray_cast/way.wgsl",
     "ray_cast/cells.wgsl",
     "ray_cast/pieces.wgsl",
+    "shared/arriving.wgsl",
     "image_based/records.wgsl",
     "image_based/march_records.wgsl",
+);
+
+/// `march_direct`: how much of a light reaches the nodes of a grid.
+pub const MARCH_DIRECT: &str = parts!(
+    "shared/features.wgsl",
+    "shared/frame.wgsl",
+    "shared/ray.wgsl",
+    "shared/medium.wgsl",
+    "shared/phase.wgsl",
+    "ray_cast/way.wgsl",
+    "ray_cast/cells.wgsl",
+    "ray_cast/pieces.wgsl",
+    "shared/arriving.wgsl",
+    "direct_light/march.wgsl",
 );
 
 /// `project_records` of method `image_based`.
@@ -132,14 +148,7 @@ pub const ADD_UP_MASS: &str =
     parts!("shared/frame.wgsl", "shared/medium.wgsl", "shared/place.wgsl", "photon_map/mass.wgsl");
 
 /// `fill_field`.
-pub const FILL_FIELD: &str = parts!(
-    "shared/features.wgsl",
-    "shared/frame.wgsl",
-    "shared/medium.wgsl",
-    "shared/phase.wgsl",
-    "shared/light.wgsl",
-    "photon_map/fill.wgsl",
-);
+pub const FILL_FIELD: &str = parts!("photon_map/fill.wgsl");
 
 /// `light_coefficients`: matter in the cells of the light grid.
 pub const LIGHT_COEFFICIENTS: &str = parts!(
@@ -223,6 +232,7 @@ pub const ALL: &[(&str, &str)] = &[
     ("p1_source", P1_SOURCE),
     ("heat_matter", HEAT_MATTER),
     ("compose_field", COMPOSE_FIELD),
+    ("march_direct", MARCH_DIRECT),
     ("march_records", MARCH_RECORDS),
     ("project_records", PROJECT_RECORDS),
     ("tone_map", TONE_MAP),

@@ -159,7 +159,8 @@ pub fn sources(scene: &Scene) -> Vec<uniforms::Source> {
     scene.lights.iter().map(|light| source(light, power(light))).collect()
 }
 
-fn source(light: &Light, power: DVec3) -> uniforms::Source {
+/// One of [`sources`], of the given power.
+pub fn source(light: &Light, power: DVec3) -> uniforms::Source {
     let base = uniforms::Source { power: vector(power), ..uniforms::Source::default() };
     match &light.geometry {
         LightGeometry::Directional { direction } => {
@@ -204,7 +205,18 @@ fn source(light: &Light, power: DVec3) -> uniforms::Source {
 /// Lights but environments: a uniform one is a single colour (see [`ambient`]), images are refused
 /// (see [`crate::check`]).
 pub fn lights(scene: &Scene) -> Vec<uniforms::Light> {
-    scene.lights.iter().filter_map(light).collect()
+    let in_slots = by_slot(scene);
+    let slot = |id: &str| in_slots.iter().position(|light| light.id == id).unwrap_or(0) as u32;
+    let with_slot = |of: &Light| light(of).map(|table| uniforms::Light { slot: slot(&of.id), ..table });
+    scene.lights.iter().filter_map(with_slot).collect()
+}
+
+/// Lights of the table of [`lights`] as fields of direct light hold them: in the order of their names, so
+/// that another order of lights is the same field.
+pub fn by_slot(scene: &Scene) -> Vec<&Light> {
+    let mut lights: Vec<&Light> = scene.lights.iter().filter(|light| is_in_light_table(light)).collect();
+    lights.sort_by(|a, b| a.id.cmp(&b.id));
+    lights
 }
 
 /// Whether a light is in the table of [`lights`]: one that shines from one direction on each place.

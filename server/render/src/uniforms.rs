@@ -81,6 +81,33 @@ pub struct Material {
 pub struct Field {
     pub dims: [f32; 3],
     pub scale: f32,
+    pub direct_cells: [f32; 3],
+    pub near: f32,
+    pub clip_blocks: u32,
+    pub pad0: u32,
+    pub pad1: u32,
+    pub pad2: u32,
+}
+
+/// `DirectRun` of shaders/direct_light/march.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct DirectRun {
+    pub nodes: [u32; 3],
+    pub slot: u32,
+    pub first: u32,
+    pub count: u32,
+    pub tests: u32,
+    pub rays: u32,
+    pub position: [f32; 3],
+    pub kind: u32,
+    pub direction: [f32; 3],
+    pub extent: f32,
+    pub half_u: [f32; 3],
+    pub pad0: u32,
+    pub half_v: [f32; 3],
+    pub pad1: u32,
 }
 
 /// `Light` of shaders/shared/light.wgsl.
@@ -95,9 +122,9 @@ pub struct Light {
     pub power: [f32; 3],
     pub cos_inner: f32,
     pub cos_outer: f32,
+    pub slot: u32,
     pub pad0: u32,
     pub pad1: u32,
-    pub pad2: u32,
 }
 
 /// `Source` of shaders/shared/sources.wgsl.
@@ -202,12 +229,10 @@ pub struct Fill {
     pub everything: u32,
     pub flux: [f32; 3],
     pub turn: u32,
-    pub size_world: [f32; 3],
-    pub direct: u32,
-    pub flux_of_one: f32,
-    pub layers: u32,
     pub weight_of_mass: f32,
+    pub pad0: u32,
     pub pad1: u32,
+    pub pad2: u32,
 }
 
 /// Most light layers: 8 lights, what lies behind the volume, and glowing matter.
@@ -450,10 +475,29 @@ pub fn layouts() -> Vec<Layout> {
                 bands,
             }
         ),
-        layout!("Field", Field { dims, scale }),
+        layout!("Field", Field { dims, scale, direct_cells, near, clip_blocks, pad0, pad1, pad2 }),
+        layout!(
+            "DirectRun",
+            DirectRun {
+                nodes,
+                slot,
+                first,
+                count,
+                tests,
+                rays,
+                position,
+                kind,
+                direction,
+                extent,
+                half_u,
+                pad0,
+                half_v,
+                pad1,
+            }
+        ),
         layout!(
             "Light",
-            Light { position, kind, direction, extent, power, cos_inner, cos_outer, pad0, pad1, pad2 }
+            Light { position, kind, direction, extent, power, cos_inner, cos_outer, slot, pad0, pad1 }
         ),
         layout!(
             "Source",
@@ -521,21 +565,7 @@ pub fn layouts() -> Vec<Layout> {
             }
         ),
         layout!("Mass", Mass { dims, count }),
-        layout!(
-            "Fill",
-            Fill {
-                dims,
-                everything,
-                flux,
-                turn,
-                size_world,
-                direct,
-                flux_of_one,
-                layers,
-                weight_of_mass,
-                pad1
-            }
-        ),
+        layout!("Fill", Fill { dims, everything, flux, turn, weight_of_mass, pad0, pad1, pad2 }),
         layout!("Mix", Mix { first_pixel, pixel_count, term_count, pad0, powers }),
         layout!(
             "LightGrid",

@@ -51,6 +51,8 @@ pub(crate) struct LightTables {
 pub(crate) struct EnvironmentTables {
     pub radiance: wgpu::TextureView,
     pub draws: wgpu::TextureView,
+    /// What is seen behind the volume, if that is another image: one with its suns.
+    pub behind: Option<wgpu::TextureView>,
 }
 
 /// A film under way.

@@ -6,9 +6,11 @@
 //! around, rows beyond the first and the last repeat them.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use glam::DMat3;
+
+use crate::suns::Split;
 
 /// An environment's texels. Equal content compares equal.
 pub struct EnvironmentImage {
@@ -16,6 +18,7 @@ pub struct EnvironmentImage {
     height: usize,
     texels: Vec<[f32; 3]>,
     content: [u8; 32],
+    split: OnceLock<Option<Split>>,
 }
 
 /// Loaded images by the text that names them in the scene file.
@@ -60,7 +63,13 @@ impl EnvironmentImage {
         let mut hasher = blake3::Hasher::new();
         hasher.update(format!("{width} {height}").as_bytes());
         hasher.update(bytemuck::cast_slice(rgb));
-        Ok(Self { width, height, texels: texels.to_vec(), content: *hasher.finalize().as_bytes() })
+        Ok(Self {
+            width,
+            height,
+            texels: texels.to_vec(),
+            content: *hasher.finalize().as_bytes(),
+            split: OnceLock::new(),
+        })
     }
 
     /// Texels around the horizon.
@@ -91,6 +100,12 @@ impl EnvironmentImage {
             }
         }
         sum.map(|channel: f64| channel / weights)
+    }
+
+    /// Its small suns, and what is left of it without them; `None`: it has none. Found when first asked
+    /// for.
+    pub fn split(&self) -> Option<&Split> {
+        self.split.get_or_init(|| Split::of(self)).as_ref()
     }
 
     /// BLAKE3 of size and texels: equal content, equal hash.

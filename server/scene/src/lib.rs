@@ -28,6 +28,7 @@ pub mod rendering;
 pub mod scattering;
 pub mod scene;
 pub mod spherical;
+pub mod suns;
 pub mod transfer_function;
 pub mod volume;
 

@@ -507,6 +507,11 @@ photon_grid: number,
  */
 photon_bands: number, 
 /**
+ * `photon_map`: cells along the volume's longest edge of the grid that holds what lights bring by
+ * themselves, 4..256; none smaller than half a voxel.
+ */
+direct_grid: number, 
+/**
  * `convection_diffusion`: cells of the light grid along each axis for a voxel, 0.01..2.
  */
 light_grid: number, 

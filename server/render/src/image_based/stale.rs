@@ -9,10 +9,10 @@ use glam::DVec3;
 use scene::distance::distance_map;
 use scene::light::Light;
 use scene::spherical::healpix;
-use scene::transfer_function::{Classification, Point};
-use scene::{Records, Scene, TransferFunction};
+use scene::{Records, Scene};
 
 use super::arriving::has_own_ray;
+use crate::direct_light::{changed_bins, kept_region};
 
 /// What is to be done with the rays of a column; as in shaders/image_based/records.wgsl.
 const KEEP: f32 = 0.0;
@@ -52,7 +52,7 @@ impl Stale {
 
 /// What becomes, for `new`, of rays cast for `old`, both of one volume.
 pub fn staleness(old: Option<&Scene>, new: &Scene, nside: u32) -> Stale {
-    let bins = old.map_or(u64::MAX, |old| changed_bins(old, new));
+    let bins = old.map_or(u64::MAX, |old| changed_bins(old, new, old.glows() || new.glows()));
     let all = match old {
         None => CAST,
         Some(old) if kept_region(old) != kept_region(new) => CAST,
@@ -80,33 +80,6 @@ fn column(direction: DVec3, todo: f32) -> [f32; 4] {
 fn own_lights(scene: &Scene) -> Vec<&Light> {
     let form = Records::of(scene).form;
     scene.lights.iter().filter(|light| has_own_ray(light, form)).collect()
-}
-
-/// Where matter blocks light; `None`: everywhere.
-fn kept_region(scene: &Scene) -> Option<&scene::clip::Clip> {
-    (!scene.clip.shadows).then_some(&scene.clip)
-}
-
-/// Bins in which what a ray sees differs.
-fn changed_bins(old: &Scene, new: &Scene) -> u64 {
-    let glow = old.glows() || new.glows();
-    let [a, b] = [old, new].map(|scene| seen_by_rays(&scene.transfer_function, glow));
-    let isotropic = [scene::material::Material::default()];
-    let of = |function, scene: &Scene| Classification {
-        function,
-        materials: &isotropic,
-        value_range: scene.value_range,
-    };
-    of(&a, old).changed_bins(&of(&b, new), &new.volume.bins)
-}
-
-/// The transfer function without what rays do not see.
-fn seen_by_rays(function: &TransferFunction, glow: bool) -> TransferFunction {
-    let seen = |point: &Point| match glow {
-        true => Point { material: 0, ..*point },
-        false => Point { material: 0, albedo: DVec3::ONE, emission: DVec3::ZERO, ..*point },
-    };
-    TransferFunction { points: function.points.iter().map(seen).collect() }
 }
 
 #[cfg(test)]

@@ -14,8 +14,6 @@ use crate::error::RenderError;
 use crate::gpu::Gpu;
 use crate::uniforms;
 
-/// Channels of a texel of transmittances.
-pub(crate) const LIGHTS_A_SLAB: u32 = 4;
 /// Four half floats.
 const TEXEL_BYTES: u64 = 8;
 
@@ -29,9 +27,9 @@ pub(crate) struct LightField {
     #[cfg_attr(not(test), allow(dead_code))]
     pub texture: wgpu::Texture,
     pub view: wgpu::TextureView,
-    /// How much of each light reaches the texels, four lights a slab along z; `None`: what lights bring
-    /// by themselves is in the field.
-    pub direct: Option<wgpu::TextureView>,
+    /// What lights bring by themselves, kept apart; `None`: it is in the field.
+    direct: Option<Direct>,
+    scale: f32,
     /// Whether a place takes the texel it lies in, instead of interpolating between texels.
     pub nearest: bool,
     /// `Field` of the shader.
@@ -39,7 +37,22 @@ pub(crate) struct LightField {
     gpu: Arc<Gpu>,
 }
 
-fn texture(gpu: &Gpu, size: wgpu::Extent3d) -> Result<wgpu::Texture, RenderError> {
+/// How much of each light reaches places, as view rays look it up (shaders/direct_light/look_up.wgsl).
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Direct {
+    /// Of four lights a slab along z, a texel a node.
+    pub view: wgpu::TextureView,
+    /// Cells between nodes, along each axis.
+    pub cells: [u32; 3],
+    /// How far towards a light matter is looked at, world units, and in how many parts.
+    pub near: f32,
+    /// As above.
+    pub near_parts: u32,
+    /// Whether clipped matter blocks light.
+    pub clipped_matter_blocks: bool,
+}
+
+pub(crate) fn texture(gpu: &Gpu, size: wgpu::Extent3d) -> Result<wgpu::Texture, RenderError> {
     let descriptor = wgpu::TextureDescriptor {
         label: Some("light field"),
         size,
@@ -114,23 +127,37 @@ impl LightField {
         let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         let uniform = gpu.buffer("light field", std::mem::size_of::<uniforms::Field>() as u64, usage)?;
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
-        let field =
-            Self { dims, bands, texture, view, direct: None, nearest: false, uniform, gpu: gpu.clone() };
-        field.set_scale(1.0);
+        let field = Self {
+            dims,
+            bands,
+            texture,
+            view,
+            direct: None,
+            scale: 1.0,
+            nearest: false,
+            uniform,
+            gpu: gpu.clone(),
+        };
+        field.write_uniform();
         Ok(field)
     }
 
-    /// Makes room for transmittances from so many lights. What was there is lost.
-    ///
-    /// # Errors
-    /// Out of memory.
-    pub fn make_direct(&mut self, lights: usize) -> Result<(), RenderError> {
-        let layers = (lights.max(1) as u32).div_ceil(LIGHTS_A_SLAB);
-        let [width, height, depth] = self.dims;
-        let size = wgpu::Extent3d { width, height, depth_or_array_layers: depth * layers };
-        let texture = texture(&self.gpu, size)?;
-        self.direct = Some(texture.create_view(&wgpu::TextureViewDescriptor::default()));
-        Ok(())
+    /// How much of each light reaches places, if that is kept apart: four lights a slab along z.
+    pub fn direct(&self) -> Option<&wgpu::TextureView> {
+        self.direct.as_ref().map(|direct| &direct.view)
+    }
+
+    /// Parts in which matter beside a place is looked at; 0: what lights bring is not kept apart.
+    pub fn near_parts(&self) -> u32 {
+        self.direct.as_ref().map_or(0, |direct| direct.near_parts)
+    }
+
+    /// From now on what lights bring by themselves is told by this, and the field holds the rest.
+    pub fn set_direct(&mut self, direct: Direct) {
+        if self.direct.as_ref() != Some(&direct) {
+            self.direct = Some(direct);
+            self.write_uniform();
+        }
     }
 
     /// Slabs of transmittances, four lights each; 0: there are none.
@@ -139,8 +166,22 @@ impl LightField {
     }
 
     /// The radiance that texels hold as 1. Half floats end at 65504 and lose digits below 6e-5.
-    pub fn set_scale(&self, scale: f32) {
-        let uniform = uniforms::Field { dims: self.dims.map(|n| n as f32), scale };
+    pub fn set_scale(&mut self, scale: f32) {
+        self.scale = scale;
+        self.write_uniform();
+    }
+
+    fn write_uniform(&self) {
+        let mut uniform = uniforms::Field {
+            dims: self.dims.map(|n| n as f32),
+            scale: self.scale,
+            ..uniforms::Field::default()
+        };
+        if let Some(direct) = &self.direct {
+            uniform.direct_cells = direct.cells.map(|n| n as f32);
+            uniform.near = direct.near;
+            uniform.clip_blocks = u32::from(direct.clipped_matter_blocks);
+        }
         self.gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));
     }
 

@@ -23,7 +23,12 @@ fn renderer() -> std::sync::MutexGuard<'static, Renderer> {
 }
 
 /// The middle pixel of a homogeneous cube in a field, seen by parallel rays from +z.
-fn middle(material: serde_json::Value, dims: [u32; 3], bands: u32, write: impl Fn(&LightField)) -> [f64; 3] {
+fn middle(
+    material: serde_json::Value,
+    dims: [u32; 3],
+    bands: u32,
+    write: impl Fn(&mut LightField),
+) -> [f64; 3] {
     let mut renderer = renderer();
     let volume = Arc::new(PreparedVolume::new(Volume::new([4; 3], Voxels::U8(vec![255; 64])), &|_| {}));
     let file = json!({"version": 1, "volume": {"builtin": "homogeneous"},
@@ -37,8 +42,8 @@ fn middle(material: serde_json::Value, dims: [u32; 3], bands: u32, write: impl F
     let file = proto::SceneFile::from_value(file).unwrap();
     let snapshot = Arc::new(Snapshot { epoch: 1, scene: Scene::new(&file, volume).unwrap() });
     let mut view = View::new();
-    let field = LightField::new(renderer.gpu(), dims, bands).unwrap();
-    write(&field);
+    let mut field = LightField::new(renderer.gpu(), dims, bands).unwrap();
+    write(&mut field);
     view.light.lock().give(Method::PhotonMap, field);
     let target = Target { width: 9, height: 9, samples_per_pixel: 1 };
     renderer.draw(&mut view, &DrawRequest { snapshot: &snapshot, target, budget: None }).unwrap();
@@ -46,7 +51,7 @@ fn middle(material: serde_json::Value, dims: [u32; 3], bands: u32, write: impl F
     std::array::from_fn(|channel| f64::from(radiance.rgb[3 * 40 + channel]))
 }
 
-fn constant(field: &LightField, values: &[f64]) {
+fn constant(field: &mut LightField, values: &[f64]) {
     let texels = field.dims.iter().product::<u32>() as usize;
     let coefficients: Vec<_> = values.iter().map(|&v| vec![[v as f32; 3]; texels]).collect();
     field.write(&coefficients, &vec![1.0; texels]);
@@ -63,7 +68,7 @@ fn agrees(found: [f64; 3], in_scattered: f64, tolerance: f64) {
 fn uniform_radiance_is_scattered_by_the_albedo() {
     let mean = 2.0 * (4.0 * std::f64::consts::PI).sqrt();
     agrees(middle(json!({}), [3, 4, 5], 1, |field| constant(field, &[mean])), 2.0, 2e-3);
-    let scaled = |field: &LightField| {
+    let scaled = |field: &mut LightField| {
         field.set_scale(1e6);
         constant(field, &[1e-6 * mean]);
     };
@@ -92,20 +97,20 @@ fn bands_are_scattered_by_their_factors() {
 #[test]
 fn what_is_not_known_does_not_darken() {
     let mean = (4.0 * std::f64::consts::PI).sqrt() as f32;
-    let half = |field: &LightField| {
+    let half = |field: &mut LightField| {
         let known = |i: usize| if i % 3 == 1 { 1.0 } else { 0.0 };
         let weights: Vec<f32> = (0..27).map(known).collect();
         field.write(&[weights.iter().map(|w| [w * mean; 3]).collect()], &weights);
     };
     agrees(middle(json!({}), [3, 3, 3], 1, half), 1.0, 2e-3);
-    let none = |field: &LightField| field.write(&[vec![[0.0; 3]; 27]], &[0.0; 27]);
+    let none = |field: &mut LightField| field.write(&[vec![[0.0; 3]; 27]], &[0.0; 27]);
     agrees(middle(json!({}), [3, 3, 3], 1, none), 0.0, 0.0);
 }
 
 /// Trilinear between texel centres, held beyond the outermost ones.
 #[test]
 fn texels_are_interpolated_across_the_box() {
-    let ramp = |field: &LightField| {
+    let ramp = |field: &mut LightField| {
         let mean = (4.0 * std::f64::consts::PI).sqrt();
         let texel = |i: usize| [((i % 8) as f64 * mean) as f32; 3];
         field.write(&[(0..8).map(texel).collect()], &[1.0; 8]);
@@ -116,7 +121,7 @@ fn texels_are_interpolated_across_the_box() {
 
 #[test]
 fn images_of_fields_do_not_bleed_between_tiles() {
-    let steep = |field: &LightField| {
+    let steep = |field: &mut LightField| {
         let texels = field.dims.iter().product::<u32>() as usize;
         let mut coefficients = vec![vec![[1e4_f32; 3]; texels]; 4];
         coefficients[0] = vec![[0.0; 3]; texels];

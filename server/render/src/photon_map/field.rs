@@ -9,8 +9,7 @@ use super::lights::{LightPhotons, flux, sphere_radius};
 use crate::error::RenderError;
 use crate::gpu::{Gpu, buffer_entry, texture_entry};
 use crate::illumination::Inputs;
-use crate::light_field::{LIGHTS_A_SLAB, LightField};
-use crate::tables;
+use crate::light_field::LightField;
 use crate::uniforms::{self, Fill, Mass};
 
 /// Edge of a brick, texels.
@@ -19,12 +18,8 @@ const BRICK_EDGE: u32 = 4;
 const MACROCELL_EDGE: f64 = 4.0;
 /// Of a coefficient red, green and blue, 64 bits each.
 const SUM_BYTES: u64 = 24;
-/// Of a texel what the light brings by itself.
-const DIRECT_BYTES: u64 = 8;
 /// `MOST_DEPTH` of shaders/photon_map/mass.wgsl.
 const MOST_DEPTH: f64 = 2.0;
-/// `NOT_DIRECT` of the shader.
-const NOT_DIRECT: u32 = u32::MAX;
 /// Eight sums of extinction a cell, f32.
 const MOMENT_BYTES: u64 = 32;
 const WORKGROUP: u32 = 64;
@@ -37,9 +32,6 @@ pub(super) struct FieldOfPhotons {
     pub touched: wgpu::Buffer,
     moments: wgpu::Buffer,
     totals: wgpu::Buffer,
-    /// Of four lights each.
-    transmittances: wgpu::Buffer,
-    layers: u32,
     /// Of the last call of [`Self::fill`].
     weight_of_mass_filled: f32,
     fill_uniform: wgpu::Buffer,
@@ -60,7 +52,7 @@ impl FieldOfPhotons {
         let texels: u64 = dims.iter().map(|&n| u64::from(n)).product();
         let cells: u64 = dims.iter().map(|&n| u64::from(n) + 1).product();
         let coefficients = u64::from(bands * bands);
-        if texels * (coefficients * SUM_BYTES + DIRECT_BYTES) > gpu.max_binding_bytes() {
+        if texels * coefficients * SUM_BYTES > gpu.max_binding_bytes() {
             return Err(RenderError::TooLarge {
                 what: format!("a light field of {dims:?} texels with {bands} bands"),
                 limit: format!("{} bytes a buffer", gpu.max_binding_bytes()),
@@ -71,8 +63,6 @@ impl FieldOfPhotons {
             light,
             touched: gpu.buffer("touched bricks", 4 * bricks, storage)?,
             moments: gpu.buffer("extinction around texels", MOMENT_BYTES * cells, storage)?,
-            transmittances: gpu.buffer("transmittances", 16 * texels, storage)?,
-            layers: 0,
             weight_of_mass_filled: 0.0,
             totals: gpu.buffer("light of all lights", 16 * texels * coefficients, storage)?,
             fill_uniform: gpu.buffer("fill", std::mem::size_of::<Fill>() as u64, uniform)?,
@@ -86,7 +76,13 @@ impl FieldOfPhotons {
     /// Bytes of the light sums of one light.
     pub fn sum_bytes(&self) -> u64 {
         let texels: u64 = self.light.dims.iter().map(|&n| u64::from(n)).product();
-        texels * (u64::from(self.light.bands * self.light.bands) * SUM_BYTES + DIRECT_BYTES)
+        texels * u64::from(self.light.bands * self.light.bands) * SUM_BYTES
+    }
+
+    /// All bricks will be filled anew.
+    pub fn touch_all(&self, gpu: &Gpu) {
+        let touched = vec![1_u32; self.bricks() as usize];
+        gpu.queue.write_buffer(&self.touched, 0, bytemuck::cast_slice(&touched));
     }
 
     pub fn bricks(&self) -> u64 {
@@ -94,11 +90,7 @@ impl FieldOfPhotons {
     }
 
     pub fn bytes(&self) -> u64 {
-        self.light.bytes()
-            + self.touched.size()
-            + self.moments.size()
-            + self.totals.size()
-            + 2 * self.transmittances.size()
+        self.light.bytes() + self.touched.size() + self.moments.size() + self.totals.size()
     }
 
     /// Adds up extinction around the texels where it changed; whether it did.
@@ -218,21 +210,6 @@ impl FieldOfPhotons {
         if largest > 1e-30 { (-largest.log2().round()).exp2() as f32 } else { 1.0 }
     }
 
-    /// Room for the transmittances of the scene's lights; whether it is new.
-    fn make_layers(&mut self, gpu: &Gpu, scene: &Scene) -> Result<bool, RenderError> {
-        let lights = scene.lights.iter().filter(|light| tables::is_in_light_table(light)).count();
-        let layers = (lights.max(1) as u32).div_ceil(LIGHTS_A_SLAB);
-        if layers == self.layers {
-            return Ok(false);
-        }
-        let texels: u64 = self.light.dims.iter().map(|&n| u64::from(n)).product();
-        let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
-        self.transmittances = gpu.buffer("transmittances", 16 * texels * u64::from(layers), storage)?;
-        self.light.make_direct(lights)?;
-        self.layers = layers;
-        Ok(true)
-    }
-
     /// Fills the field from the light sums: touched bricks, or all.
     pub fn fill(
         &mut self,
@@ -250,13 +227,9 @@ impl FieldOfPhotons {
             lit.iter().map(|(light, _)| flux(light, radius).max_element() / cross_section).sum();
         let scale = if brightest > 0.0 { brightest.min(1e30) } else { 1.0 };
         self.light.set_scale(scale as f32);
-        everything |= self.make_layers(gpu, scene)?;
         let weight_of_mass = self.weight_of_mass(scene);
         everything |= weight_of_mass != self.weight_of_mass_filled;
         self.weight_of_mass_filled = weight_of_mass;
-        let Some(direct) = self.light.direct.clone() else {
-            return Err(RenderError::Gpu("there is no room for transmittances".into()));
-        };
         let bytes = gpu.read_buffer(&self.touched, self.touched.size())?;
         let touched: Vec<u32> = bytemuck::pod_collect_to_vec(&bytes);
         self.bricks_filled = match everything {
@@ -265,27 +238,14 @@ impl FieldOfPhotons {
         };
         let pipeline = inputs.photon_pipelines.fill(self.light.bands);
         let groups = self.light.dims.map(|n| n.div_ceil(BRICK_EDGE));
-        let mut lights_in_table = 0;
         for (index, (light, photons)) in lit.iter().enumerate() {
             let photon_count = photons.traced().max(1) as f64;
             let of_one = flux(light, radius) / (scale * photon_count);
-            let is_direct = tables::is_in_light_table(light);
-            let place = if is_direct { lights_in_table } else { NOT_DIRECT };
-            lights_in_table += u32::from(is_direct);
-            let brightest = light.power.max_element();
             let uniform = Fill {
                 dims: self.light.dims,
                 everything: u32::from(everything),
                 flux: of_one.as_vec3().to_array(),
                 turn: u32::from(index == 0) + 2 * u32::from(index + 1 == lit.len()),
-                size_world: tables::vector(scene.grid.size_world),
-                direct: place,
-                flux_of_one: if brightest > 0.0 {
-                    (flux(light, radius).max_element() / brightest / photon_count) as f32
-                } else {
-                    0.0
-                },
-                layers: self.layers,
                 weight_of_mass,
                 ..Fill::default()
             };
@@ -298,10 +258,7 @@ impl FieldOfPhotons {
                     buffer_entry(1, &photons.sums),
                     buffer_entry(2, &self.moments),
                     buffer_entry(3, &self.touched),
-                    buffer_entry(4, &inputs.lights.lights),
                     texture_entry(5, &self.light.view),
-                    buffer_entry(6, &self.transmittances),
-                    texture_entry(7, &direct),
                     buffer_entry(9, &self.totals),
                 ],
             });

@@ -32,6 +32,9 @@ const RAYS: [u32; 2] = [4, 64];
 /// 65,535 turns on Mesa 22's software device.
 const STEPS: u32 = 16_384;
 const STEPS_SOFTWARE: u32 = 4096;
+/// Where more of a light's photons than this share are stale, its sums are emptied and all are followed
+/// anew: taking a photon out costs about as much as adding one (shaders/photon_map/README.md).
+const BEGIN_AGAIN_SHARE: f64 = 0.5;
 /// Time a dispatch aims at.
 const DISPATCH_AIM: Duration = Duration::from_millis(50);
 /// Names of the words of the counter buffer: two words each, then one.
@@ -84,6 +87,8 @@ pub(super) enum Left {
     /// The photons that are on the in_flight.
     SamePhotons,
     Others,
+    /// So many are stale that all have to be followed anew.
+    Everything,
 }
 
 /// Photons that are traced together.
@@ -189,6 +194,15 @@ impl LightPhotons {
     ) -> Result<Left, RenderError> {
         let snapshot = turn.inputs.snapshot;
         let (scene, light) = (&snapshot.scene, turn.light);
+        // A snapshot that differs in nothing that photons depend on stands for both.
+        let is_same = |base: &Arc<Snapshot>| Query::between(&base.scene, scene, light).is_empty();
+        let is_current = |chunk: &Chunk| chunk.bases.last().is_some_and(is_same);
+        // The first to be looked at tells how many photons are stale, for chunks are alike.
+        let may_begin_again = !self.chunks.iter().any(is_current);
+        let of_another_scene = |chunk: &Chunk| chunk.bases.is_empty() || chunk.query(scene, light).everything;
+        if may_begin_again && self.traced() > 0 && self.chunks.iter().all(of_another_scene) {
+            self.begin_again(turn, in_flight, work)?;
+        }
         for chunk in &mut self.chunks {
             if !chunk.is_at_work && chunk.bases.len() == 1 && Arc::ptr_eq(&chunk.bases[0], snapshot) {
                 continue;
@@ -199,8 +213,6 @@ impl LightPhotons {
                 continue;
             }
             let is_empty = chunk.bases.is_empty();
-            // A snapshot that differs in nothing that photons depend on stands for both.
-            let is_same = |base: &Arc<Snapshot>| Query::between(&base.scene, scene, light).is_empty();
             let newest_is_same = chunk.bases.last().is_some_and(is_same);
             chunk.bases.retain(|base| !is_same(base));
             chunk.bases.push(snapshot.clone());
@@ -209,10 +221,37 @@ impl LightPhotons {
                 return chunk.go_on(turn, in_flight, work, self.key, &self.sums, None);
             }
             in_flight.owner = Some((self.key, chunk.first));
-            let begin = Begin { query, nothing_there: is_empty };
-            return chunk.go_on(turn, in_flight, work, self.key, &self.sums, Some(begin));
+            let may_begin_again = may_begin_again && !is_empty;
+            let begin = Begin { query, nothing_there: is_empty, may_begin_again };
+            let left = chunk.go_on(turn, in_flight, work, self.key, &self.sums, Some(begin))?;
+            if left == Left::Everything {
+                self.begin_again(turn, in_flight, work)?;
+                return Ok(Left::Others);
+            }
+            return Ok(left);
         }
         Ok(Left::Nothing)
+    }
+
+    /// Forgets all photons.
+    fn begin_again(
+        &mut self,
+        turn: &Turn<'_>,
+        in_flight: &mut InFlight,
+        work: &mut Work,
+    ) -> Result<(), RenderError> {
+        let gpu = turn.inputs.gpu;
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        encoder.clear_buffer(&self.sums, 0, None);
+        gpu.queue.submit([encoder.finish()]);
+        turn.field.touch_all(gpu);
+        for chunk in &mut self.chunks {
+            chunk.bases.clear();
+            chunk.is_at_work = false;
+        }
+        in_flight.owner = None;
+        work.begun_again += 1;
+        gpu.wait()
     }
 
     #[cfg(test)]
@@ -245,6 +284,8 @@ struct Begin {
     query: Query,
     /// Whether its buffers hold nothing yet.
     nothing_there: bool,
+    /// Whether, if too many photons are stale, all may be forgotten instead.
+    may_begin_again: bool,
 }
 
 impl Chunk {
@@ -345,7 +386,12 @@ impl Chunk {
             });
             gpu.dispatch(&pipelines.take_up(light), &bind_group, [self.count.div_ceil(WORKGROUP), 1]);
             let stale = gpu.read_buffer(&in_flight.counters, 4)?;
-            work.recomputed += u64::from(bytemuck::pod_read_unaligned::<u32>(&stale));
+            let stale: u32 = bytemuck::pod_read_unaligned(&stale);
+            let may_begin_again = begin.as_ref().is_some_and(|begin| begin.may_begin_again);
+            if may_begin_again && f64::from(stale) > BEGIN_AGAIN_SHARE * f64::from(self.count) {
+                return Ok(Left::Everything);
+            }
+            work.recomputed += u64::from(stale);
             gpu.queue.write_buffer(&in_flight.counters, 0, &[0; COUNTER_BYTES as usize]);
         }
         self.is_at_work = true;

@@ -16,6 +16,7 @@ use std::time::Instant;
 use scene::scene::Snapshot;
 use scene::{Light, Scene};
 
+use crate::direct_light::DirectLight;
 use crate::error::RenderError;
 use crate::illumination::{Inputs, Progress};
 use crate::light_field::LightField;
@@ -69,6 +70,8 @@ pub(crate) struct PhotonMap {
     layout: Layout,
     in_flight: InFlight,
     field: FieldOfPhotons,
+    /// What lights with a direction bring by themselves.
+    direct: DirectLight,
     /// By the light's identifier.
     lights: BTreeMap<String, LightPhotons>,
     /// What the field was filled for: colours of lights, and how many photons share them.
@@ -84,6 +87,7 @@ impl PhotonMap {
             layout,
             in_flight: InFlight::new(inputs.gpu)?,
             field: FieldOfPhotons::new(inputs.gpu, layout.dims, layout.bands)?,
+            direct: DirectLight::new(inputs.direct_light.clone()),
             lights: BTreeMap::new(),
             filled: None,
         })
@@ -99,6 +103,10 @@ impl PhotonMap {
         let scene = &inputs.snapshot.scene;
         if Layout::of(scene) != self.layout {
             *self = Self::new(inputs)?;
+        }
+        let direct = self.direct.advance(inputs, deadline, counters)?;
+        if let Some(look_up) = self.direct.look_up(scene, inputs.gpu) {
+            self.field.light.set_direct(look_up);
         }
         let mut changed = self.field.bring_mass_to(inputs)?;
         changed |= self.bring_lights_to(inputs)?;
@@ -136,8 +144,12 @@ impl PhotonMap {
         work.count(counters, total);
         counters.insert("bricks_recomputed".into(), self.field.bricks_filled);
         counters.insert("bricks_reused".into(), self.field.bricks() - self.field.bricks_filled);
-        let completeness = if total > 0 { current as f32 / total as f32 } else { 1.0 };
-        Ok(Progress { complete: current == total, completeness, changed: changed || recoloured })
+        let share = |done: u64, all: u64| if all > 0 { done as f32 / all as f32 } else { 1.0 };
+        Ok(Progress {
+            complete: current == total && direct.done == direct.all,
+            completeness: share(current, total).min(share(direct.done, direct.all)),
+            changed: changed || recoloured || direct.changed,
+        })
     }
 
     /// Drops photons of lights that are gone, and makes room for those of new ones. Whether anything
@@ -190,13 +202,21 @@ impl PhotonMap {
 
     pub fn bytes(&self) -> u64 {
         let photons: u64 = self.lights.values().map(LightPhotons::bytes).sum();
-        self.in_flight.bytes() + self.field.bytes() + photons
+        self.in_flight.bytes() + self.field.bytes() + self.direct.bytes() + photons
     }
 
     /// Every buffer of a light's photons and its sums, for tests of equality.
     #[cfg(test)]
     pub fn contents(&self, gpu: &crate::gpu::Gpu) -> Result<BTreeMap<String, Vec<Vec<u8>>>, RenderError> {
-        self.lights.iter().map(|(id, photons)| Ok((id.clone(), photons.contents(gpu)?))).collect()
+        let direct = bytemuck::cast_slice(&self.direct.contents(gpu)?).to_vec();
+        let of_lights = self.lights.iter().map(|(id, photons)| Ok((id.clone(), photons.contents(gpu)?)));
+        of_lights.chain([Ok(("direct light".into(), vec![direct]))]).collect()
+    }
+
+    /// What lights with a direction bring by themselves.
+    #[cfg(test)]
+    pub fn direct(&self) -> &DirectLight {
+        &self.direct
     }
 }
 
@@ -219,6 +239,7 @@ struct Work {
     interactions: u64,
     recomputed: u64,
     cut_1024ths: u64,
+    begun_again: u64,
 }
 
 impl Work {
@@ -229,5 +250,6 @@ impl Work {
         counters.insert("tentative_collisions".into(), self.tentative_collisions);
         counters.insert("cells_looked_up".into(), self.cells);
         counters.insert("throughput_cut_1024ths".into(), self.cut_1024ths);
+        counters.insert("lights_begun_again".into(), self.begun_again);
     }
 }

@@ -159,8 +159,7 @@ impl PhotonPipelines {
         take_up.extend([6, 10, 14, 15, 16, 17].map(Write));
         let mut mass = vec![Uniform(13), Write(14), Read(15)];
         mass.extend([Uniform(0), Table(1), Table(2), Volume(7), Sampler(8), Cells(9)]);
-        let fill =
-            [Uniform(0), Read(1), Read(2), Read(3), Uniform(4), Field(5), Write(6), Field(7), Write(9)];
+        let fill = [Uniform(0), Read(1), Read(2), Read(3), Field(5), Write(9)];
         Self {
             trace: Module::new(&gpu, "trace_photons", trace_source, &trace),
             take_up: Module::new(&gpu, "take_up", take_up_source, &take_up),

@@ -305,6 +305,71 @@ fn every_remedy_is_needed() {
     }
 }
 
+/// Where all light that meets matter is scattered, each photon carries what it began with from its first
+/// interaction to its last, in every channel; and what the cut takes away is what those carry that
+/// would have gone on.
+#[test]
+fn scattering_neither_loses_nor_gains_light() {
+    const SLOTS: usize = 8;
+    let mut renderer = renderer();
+    let volume = balls(24);
+    let white = json!({"materials": {"m": {"phase": {"type": "henyey_greenstein", "g": 0.5}}},
+        "transfer_function": {"points": [
+            {"s": 0.1, "extinction": 0, "albedo": [1, 1, 1], "material": "m"},
+            {"s": 0.4, "extinction": 30, "albedo": [1, 1, 1], "material": "m"}]}});
+    let snapshot = snapshot(&volume, &[white], 1);
+    let mut view = View::new();
+    let drawn = draw(&mut renderer, &mut view, &snapshot);
+    let buffers = view.light.lock().photon_map().unwrap().contents(renderer.gpu()).unwrap();
+    let [_, ends, _, ways, histories] = &buffers["sun"][..] else { panic!("one chunk") };
+    let word = |bytes: &[u8], index: usize| f32::from_le_bytes(bytes[4 * index..][..4].try_into().unwrap());
+    let (mut met, mut full, mut began) = (0_u64, 0.0, None);
+    for photon in 0..ends.len() / 32 {
+        let count = word(ends, 8 * photon + 4).to_bits() as usize;
+        for slot in photon * SLOTS..photon * SLOTS + count {
+            let carried =
+                [word(ways, 4 * slot + 3), word(histories, 8 * slot + 4), word(histories, 8 * slot + 5)];
+            let expected = *began.get_or_insert(carried[0]);
+            assert!(carried.iter().all(|c| (c / expected - 1.0).abs() < 1e-4), "{carried:?} of {expected}");
+            met += 1;
+        }
+        full += if count == SLOTS { f64::from(began.unwrap()) } else { 0.0 };
+    }
+    assert_eq!(drawn.counters["photon_interactions"], met);
+    let cut = drawn.counters["throughput_cut_1024ths"] as f64 / 1024.0;
+    assert!(full > 100.0 && (cut / full - 1.0).abs() < 1e-3, "{cut} for {full}");
+}
+
+/// Where most photons are stale, all are followed anew; where fewer are, the others are kept.
+#[test]
+fn an_edit_of_most_photons_begins_again() {
+    let mut renderer = renderer();
+    let volume = balls(24);
+    let mut view = View::new();
+    draw(&mut renderer, &mut view, &snapshot(&volume, &[], 1));
+    let edits = edits();
+    let (most, some) = (edits[0].1.clone(), edits[1].1.clone());
+    let drawn = draw(&mut renderer, &mut view, &snapshot(&volume, std::slice::from_ref(&most), 2));
+    assert_eq!((drawn.counters["lights_begun_again"], drawn.counters["photons_reused"]), (1, 0));
+    let drawn = draw(&mut renderer, &mut view, &snapshot(&volume, &[most, some], 3));
+    let reused = drawn.counters["photons_reused"];
+    assert!(drawn.counters["lights_begun_again"] == 0 && reused > 2048 && reused < 4096, "{reused}");
+}
+
+/// Nodes of direct light that are kept although matter on their rays changed are found.
+#[test]
+fn direct_light_is_looked_up_anew_where_matter_changed() {
+    let test = "is_stale = meets_change(Ray(x, towards.w_i), kept.x, select(kept.x, kept.y, inside && !is_stale)) || is_stale;";
+    assert!(shaders::MARCH_DIRECT.contains(test));
+    let mut renderer = renderer();
+    let broken = shaders::MARCH_DIRECT.replacen(test, "", 1);
+    let passes = crate::direct_light::Passes::of_source(renderer.gpu().clone(), broken.into());
+    let whole = std::mem::replace(&mut renderer.direct_light, Arc::new(passes));
+    let found = follow(&mut renderer, &edits());
+    renderer.direct_light = whole;
+    assert!(found.as_ref().is_err_and(|what| what.contains("direct light")), "{found:?}");
+}
+
 /// A map that would take all memory is refused in words, and the view is none the worse for it.
 #[test]
 fn a_map_that_is_too_large_is_refused() {

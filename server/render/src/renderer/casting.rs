@@ -189,11 +189,13 @@ impl Renderer {
                     ),
                 },
                 buffer_entry(15, tables.field.map_or(&buffers.frame, |field| &field.uniform)),
+                texture_entry(16, tables.field.and_then(LightField::direct).unwrap_or(&bindings.no_light)),
                 texture_entry(
-                    16,
-                    tables.field.and_then(|field| field.direct.as_ref()).unwrap_or(&bindings.no_light),
+                    20,
+                    tables.environment.map_or(&tables.tables.points, |image| {
+                        image.behind.as_ref().unwrap_or(&image.radiance)
+                    }),
                 ),
-                texture_entry(20, tables.environment.map_or(&tables.tables.points, |image| &image.radiance)),
             ],
         });
         Ok(SamplePass {

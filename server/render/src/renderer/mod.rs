@@ -17,6 +17,7 @@ use scene::plan::{FilmPlan, Pass, Plan, SegmentsPlan, Target};
 use scene::{Integrator, Rendering, Scene, Snapshot};
 
 use crate::convection_diffusion;
+use crate::direct_light;
 use crate::error::RenderError;
 use crate::film::ToneMapper;
 use crate::gpu::Gpu;
@@ -51,6 +52,7 @@ pub struct Renderer {
     path_tracer: Arc<PathTracer>,
     pub(crate) photon_pipelines: Arc<PhotonPipelines>,
     pub(crate) record_passes: Arc<image_based::Passes>,
+    pub(crate) direct_light: Arc<direct_light::Passes>,
     tone_mapper: ToneMapper,
     convection_diffusion: convection_diffusion::Pipelines,
 }
@@ -210,6 +212,7 @@ impl Renderer {
         let ray_caster = Arc::new(RayCaster::new(gpu.clone()));
         let path_tracer = Arc::new(PathTracer::new(gpu.clone()));
         let record_passes = Arc::new(image_based::Passes::new(gpu.clone()));
+        let direct_light = Arc::new(direct_light::Passes::new(gpu.clone()));
         let photon_pipelines = Arc::new(PhotonPipelines::new(gpu.clone()));
         let tone_mapper = ToneMapper::new(gpu.clone())?;
         gpu.take_error()?;
@@ -222,6 +225,7 @@ impl Renderer {
             photon_pipelines,
             convection_diffusion,
             record_passes,
+            direct_light,
             tone_mapper,
         })
     }
@@ -368,6 +372,7 @@ impl Renderer {
             majorants: view.majorants.as_ref().map(|(_, map)| map),
             distance_map: view.distance_map.as_ref().map(|(_, map)| map),
             record_passes: &self.record_passes,
+            direct_light: &self.direct_light,
             environment: view.environment.as_ref().map(|(_, tables)| tables),
             photon_pipelines: &self.photon_pipelines,
             convection_diffusion: &self.convection_diffusion,
@@ -615,12 +620,17 @@ fn count_tiles(view: &View, plan: &Plan, counters: &mut BTreeMap<String, u64>) {
 }
 
 /// The snapshot with the box of its voxels centred at the origin, where shaders expect it. From
-/// here on there is no other: each cache's snapshot is a centred one.
+/// here on there is no other: each cache's snapshot is a centred one. Methods that keep light in few bands
+/// have small suns of environment images as lights of their own.
 fn centred(snapshot: &Arc<Snapshot>) -> Arc<Snapshot> {
-    if snapshot.scene.grid.center_world == glam::DVec3::ZERO {
-        return snapshot.clone();
+    let scene = &snapshot.scene;
+    let is_centred = scene.grid.center_world == glam::DVec3::ZERO;
+    let suns_apart = if scene.method == Method::PhotonMap { scene.with_suns_apart() } else { None };
+    match suns_apart {
+        None if is_centred => snapshot.clone(),
+        None => Arc::new(Snapshot { epoch: snapshot.epoch, scene: scene.centred() }),
+        Some(apart) => Arc::new(Snapshot { epoch: snapshot.epoch, scene: apart.centred() }),
     }
-    Arc::new(Snapshot { epoch: snapshot.epoch, scene: snapshot.scene.centred() })
 }
 
 /// Times of stages in the order they ran.

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use proto::scene_file::Orders;
 use scene::light::LightGeometry;
 use scene::plan::{Target, good_enough};
-use scene::{Majorants, Scene};
+use scene::{Background, Majorants, Scene};
 
 use super::layers::{LightLayers, behind_in_layers, layer_count};
 use super::{DrawRequest, Radiance, Renderer};
@@ -174,6 +174,7 @@ impl Renderer {
             return Ok(EnvironmentTables {
                 radiance: self.table("no environment", &[[0.0; 4]], [1, 1])?,
                 draws: self.table("no environment", &[[0.0; 4]], [1, 1])?,
+                behind: None,
             });
         };
         let size = [image.width() as u32, image.height() as u32];
@@ -184,7 +185,14 @@ impl Renderer {
                 limit: format!("{limit} texels along an edge"),
             });
         }
+        let behind = match &scene.background {
+            Background::Image { image: seen, .. } if seen != image => {
+                Some(self.table("image behind the volume", &environment_map::radiance(seen), size)?)
+            }
+            _ => None,
+        };
         Ok(EnvironmentTables {
+            behind,
             radiance: self.table("environment", &environment_map::radiance(image), size)?,
             draws: self.table("draws of the environment", &environment_map::draws(image), size)?,
         })

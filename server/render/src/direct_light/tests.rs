@@ -1,0 +1,104 @@
+//! Shares of light at nodes, and what view rays make of them, against closed forms.
+
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+
+use glam::DVec3;
+use scene::plan::Target;
+use scene::{PreparedVolume, Scene, Snapshot, Volume, Voxels};
+use serde_json::{Value, json};
+
+use crate::{AdapterPolicy, DrawRequest, Gpu, Renderer, View};
+
+fn renderer() -> MutexGuard<'static, Renderer> {
+    static RENDERER: OnceLock<Mutex<Renderer>> = OnceLock::new();
+    let open = || Mutex::new(Renderer::new(Gpu::open(AdapterPolicy::Any).unwrap()).unwrap());
+    RENDERER.get_or_init(open).lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+const SIGMA_T: f64 = 5.0;
+const CELLS: usize = 8;
+
+fn snapshot(voxels: Vec<u8>, lights: &Value) -> Arc<Snapshot> {
+    let volume = Arc::new(PreparedVolume::new(Volume::new([4; 3], Voxels::U8(voxels)), &|_| {}));
+    let file = json!({"version": 1, "volume": {"builtin": "homogeneous"}, "value_range": [0, 255],
+        "camera": {"position": [0, 0, 3], "target": [0, 0, 0], "up": [0, 1, 0], "orthographic_height": 0.5},
+        "background": [0, 0, 0], "lights": lights, "scattering": {"orders": 1},
+        "transfer_function": {"points": [{"s": 0, "extinction": 0}, {"s": 1, "extinction": SIGMA_T}]},
+        "illumination": {"method": "photon_map", "photons": 1, "direct_grid": CELLS},
+        "sampling": {"termination_transmittance": 0}});
+    let file = proto::SceneFile::from_value(file).unwrap();
+    Arc::new(Snapshot { epoch: 1, scene: Scene::new(&file, volume).unwrap() })
+}
+
+/// Shares of the first four lights at the nodes, x fastest; and the picture's middle pixel.
+fn drawn(snapshot: &Arc<Snapshot>) -> (Vec<[f32; 4]>, f64) {
+    let mut renderer = renderer();
+    let mut view = View::new();
+    let target = Target { width: 9, height: 9, samples_per_pixel: 1 };
+    renderer.draw(&mut view, &DrawRequest { snapshot, target, budget: None }).unwrap();
+    let shares = view.light.lock().photon_map().unwrap().direct().contents(renderer.gpu()).unwrap();
+    (shares, f64::from(renderer.radiance(&view).unwrap().rgb[3 * 40]))
+}
+
+fn node(index: usize) -> DVec3 {
+    let nodes = CELLS + 1;
+    let at = [index % nodes, index / nodes % nodes, index / (nodes * nodes)];
+    DVec3::from_array(at.map(|i| i as f64 / CELLS as f64 - 0.5))
+}
+
+/// Length of the way from x in a direction to the faces of the unit cube.
+fn way_out(x: DVec3, direction: DVec3) -> f64 {
+    ((0.5 * direction.signum() - x) / direction).min_element()
+}
+
+/// Mean over a grid of places on a panel of what reaches x, and what view rays would take for all of it.
+fn from_panel(x: DVec3, center: DVec3, size: f64) -> f64 {
+    const PLACES: usize = 64;
+    let place = |i: usize| {
+        let offset = [i % PLACES, i / PLACES].map(|n| ((n as f64 + 0.5) / PLACES as f64 - 0.5) * size);
+        let to_place = center + DVec3::new(offset[0], 0.0, offset[1]) - x;
+        let direction = to_place.normalize();
+        direction.y / to_place.length_squared() * (-SIGMA_T * way_out(x, direction)).exp()
+    };
+    let sum: f64 = (0..PLACES * PLACES).map(place).sum();
+    let to_centre = center - x;
+    let whole = to_centre.normalize().y / (to_centre.length_squared() + size * size / std::f64::consts::PI);
+    sum / (PLACES * PLACES) as f64 / whole
+}
+
+#[test]
+fn shares_in_a_cube_are_exact() {
+    let sun = DVec3::new(0.3, -0.8, -0.5).normalize();
+    let (lamp, panel) = (DVec3::new(0.7, 0.9, -0.8), DVec3::new(0.1, 1.1, 0.0));
+    let lights = json!([
+        {"id": "a", "type": "directional", "direction": sun.to_array(), "irradiance": [1, 1, 1]},
+        {"type": "environment", "radiance": [1, 1, 1]},
+        {"id": "b", "type": "point", "position": lamp.to_array(), "intensity": [1, 1, 1]},
+        {"id": "c", "type": "rectangle", "center": panel.to_array(), "normal": [0, -1, 0], "up": [0, 0, 1],
+            "size": [0.3, 0.3], "radiance": [1, 1, 1]}]);
+    let (shares, _) = drawn(&snapshot(vec![255; 64], &lights));
+    assert_eq!(shares.len(), (CELLS + 1).pow(3));
+    for (index, share) in shares.iter().enumerate() {
+        let x = node(index);
+        let expected = [
+            (-SIGMA_T * way_out(x, -sun)).exp(),
+            (-SIGMA_T * way_out(x, (lamp - x).normalize())).exp(),
+            from_panel(x, panel, 0.3),
+        ];
+        for (light, (&found, expected)) in share.iter().zip(expected).enumerate() {
+            // Eight rays stand for a panel.
+            let tolerance = if light == 2 { 0.03 } else { 1e-4 };
+            assert!((f64::from(found) - expected).abs() < tolerance, "{light} at {x}: {found} {expected}");
+        }
+    }
+}
+
+/// Light that is scattered once in a homogeneous cube, lit from behind the eye: twice through matter.
+#[test]
+fn light_scattered_once_is_exact() {
+    let lights = json!([{"type": "directional", "direction": [0, 0, -1], "irradiance": [10, 10, 10]}]);
+    let (_, found) = drawn(&snapshot(vec![255; 64], &lights));
+    let albedo = snapshot(vec![255; 64], &lights).scene.transfer_function.points[1].albedo.x;
+    let expected = 10.0 * albedo / (4.0 * std::f64::consts::PI) * 0.5 * (1.0 - (-2.0 * SIGMA_T).exp());
+    assert!((found / expected - 1.0).abs() < 0.01, "{found} for {expected}");
+}
