@@ -2,7 +2,7 @@
 // rays read (README.md, equations 15 to 17).
 
 @group(0) @binding(21) var field_out: texture_storage_3d<rgba16float, write>;
-// As in shared/light_field.wgsl.
+// As in direct_light/look_up.wgsl.
 @group(0) @binding(23) var direct_out: texture_storage_3d<rgba16float, write>;
 @group(0) @binding(24) var matter: texture_3d<f32>;
 @group(0) @binding(31) var<storage, read_write> flows: array<vec4f>;
@@ -67,12 +67,12 @@ fn store(cell: vec3u, k: u32, bands: u32, radiance: vec3f) {
     textureStore(field_out, cell + tile, vec4f(clamp(radiance, vec3f(-LARGEST), vec3f(LARGEST)), 1.0));
 }
 
-// Transmittances from the four lights of a layer.
+// Transmittances from the four lights whose places are in a layer.
 fn layer_of(layer: u32, index: u32) -> vec4f {
     var four = vec4f(0.0);
-    for (var i = 0u; i < LIGHTS_A_LAYER; i++) {
-        let light = LIGHTS_A_LAYER * layer + i;
-        if light < sources.count { four[i] = transmittances_of(light, index).x; }
+    for (var i = 0u; i < steering(sources.count); i++) {
+        let slot = lights[i].slot;
+        if slot / LIGHTS_A_LAYER == layer { four[slot % LIGHTS_A_LAYER] = transmittances_of(i, index).x; }
     }
     return four;
 }

@@ -21,17 +21,19 @@ fn transmittance_from(light: u32, x: vec3f, w_i: vec3f) -> f32 {
     kept.y = max(kept.x, kept.y);
     let near = exp(-depth_between(ray, kept));
     let cells = field.direct_cells;
-    let place = clamp((x + end * w_i) / frame.size_world + 0.5, vec3f(0.0), vec3f(1.0)) * cells + 0.5;
-    let layers = f32(textureDimensions(direct_field).z) / (cells.z + 1.0);
+    let nodes = field.direct_nodes;
+    let place = ((x + end * w_i) / frame.size_world + 0.5) * cells + 0.5 * (nodes - cells);
+    let layers = f32(textureDimensions(direct_field).z) / nodes.z;
     let slot = lights[light].slot;
-    let slab = (place + vec3f(0.0, 0.0, f32(slot / 4u) * (cells.z + 1.0))) / ((cells + 1.0) * vec3f(1.0, 1.0, layers));
-    let four = textureSampleLevel(direct_field, light_sampler, slab, 0.0);
+    let slab = clamp(place, vec3f(0.5), nodes - 0.5) + vec3f(0.0, 0.0, f32(slot / 4u) * nodes.z);
+    let four = textureSampleLevel(direct_field, light_sampler, slab / (nodes * vec3f(1.0, 1.0, layers)), 0.0);
     return near * four[slot % 4u];
 }
 
 // Optical depth of a way of a few voxels. (Loops end by their bounds: see `piece_of`.)
 fn depth_between(ray: Ray, way: vec2f) -> f32 {
     var depth = 0.0;
+    if NEAR_PARTS == 0u { return depth; }
     if FILTER == 2u {
         let grid = grid_of(ray);
         var cell = cell_at(grid, way.x);

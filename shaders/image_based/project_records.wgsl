@@ -1,14 +1,11 @@
 // Rays to coefficients of the light field. The light that arrives at a record through direction p is
 // T_p L; its integral with spherical harmonic k over the pixel of p is T_p P_pk, where
-// P_pk = integral of L Y_k over the pixel is exact and the same for all records. Of lights with a
-// direction of their own the transmittance is kept as it is, four lights a layer; in the paper's forms
-// they add T E Y_k(w_i).
+// P_pk = integral of L Y_k over the pixel is exact and the same for all records. Lights with a direction
+// of their own add T E Y_k(w_i).
 
 // Column p, row k: P_pk in red, green and blue; integral of Y_k over the pixel in alpha.
 @group(0) @binding(19) var products: texture_2d<f32>;
 @group(0) @binding(20) var field: texture_storage_3d<rgba16float, write>;
-// As in shared/light_field.wgsl.
-@group(0) @binding(21) var direct_field: texture_storage_3d<rgba16float, write>;
 
 // Whether the phase function towards the eye is folded in (the paper's form for media that change).
 override DYNAMIC: bool = false;
@@ -22,19 +19,8 @@ fn project_records(@builtin(workgroup_id) group: vec3u, @builtin(local_invocatio
     let index = 64u * group.x + lane;
     let inside = index < steering(records.count);
     let entry = entries[records.first + min(index, records.count - 1u)];
-    let cell = cell_of_record(entry.y);
-    let left = (entry.y & LEFT) != 0u;
-    // Rows after those of coefficients are layers of lights.
-    let coefficients = records.bands * records.bands;
-    if group.y >= coefficients {
-        let layer = group.y - coefficients;
-        if inside {
-            textureStore(direct_field, cell + vec3u(0u, 0u, layer * records.dims.z),
-                select(transmittances(layer, entry.x), vec4f(0.0), left));
-        }
-        return;
-    }
     let coefficient = group.y;
+    let cell = cell_of_record(entry.y);
     let x = position_of_record(cell);
     var w_o = records.eye.xyz;
     if records.eye.w != 0.0 { w_o = normalize(records.eye.xyz - x); }
@@ -47,13 +33,14 @@ fn project_records(@builtin(workgroup_id) group: vec3u, @builtin(local_invocatio
         if DYNAMIC { found *= folded_phase(columns[p].xyz, w_o); }
         sum += found;
     }
-    for (var i = 0u; i < steering(records.lights_in_field); i++) {
+    for (var i = 0u; i < steering(records.own_lights); i++) {
         let incident = incident_light(i, x);
         let transmittance = rays[ray_slot(0u, records.directions + i, entry.x)];
         var found = transmittance * incident.irradiance * (damping(coefficient) * spherical_harmonic(coefficient, incident.w_i));
         if DYNAMIC { found *= folded_phase(incident.w_i, w_o); }
         sum += found;
     }
+    let left = (entry.y & LEFT) != 0u;
     if inside {
         let tile = vec3u(coefficient % records.bands, 0u, coefficient / records.bands) * vec3u(records.dims.x, 0u, records.dims.z);
         let texel = clamp(sum / records.scale, vec3f(-LARGEST), vec3f(LARGEST));
@@ -63,16 +50,6 @@ fn project_records(@builtin(workgroup_id) group: vec3u, @builtin(local_invocatio
             atomicStore(&renewed[entry.x], 0u);
         }
     }
-}
-
-// From the four lights of a layer.
-fn transmittances(layer: u32, slot: u32) -> vec4f {
-    var four = vec4f(0.0);
-    for (var i = 0u; i < 4u; i++) {
-        let light = 4u * layer + i;
-        if light < records.own_lights { four[i] = rays[ray_slot(0u, records.directions + light, slot)]; }
-    }
-    return four;
 }
 
 fn glow(column: u32, slot: u32) -> vec3f {

@@ -49,8 +49,7 @@ struct Records {
     window: u32,
     // Lights with rays of their own.
     own_lights: u32,
-    // Of those, how many are added to the coefficients: all or none.
-    lights_in_field: u32,
+    pad0: u32,
     pad1: u32,
     pad2: u32,
     // Where the camera is (form `dynamic`), or its direction of view with w = 0.

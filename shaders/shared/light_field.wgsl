@@ -19,15 +19,14 @@ struct Field {
     dims: vec3f,
     // Radiance of 1 in the texture.
     scale: f32,
-    // Cells between nodes of `direct_field`.
+    // Cells of the volume's box for `direct_field`.
     direct_cells: vec3f,
     // How far towards a light matter is looked at, world units.
     near: f32,
+    // Its nodes: the cells' corners, or their centres.
+    direct_nodes: vec3f,
     // 1: clipped matter blocks light.
     clip_blocks: u32,
-    pad0: u32,
-    pad1: u32,
-    pad2: u32,
 }
 
 // Below this weight nothing is known.

@@ -33,7 +33,7 @@ pub struct Variant {
     pub field_bands: u32,
     /// Parts in which matter beside a place is looked at, if what lights bring by themselves stands
     /// beside the field, else 0; `DIRECT` and `NEAR_PARTS` in the shader.
-    pub near_parts: u32,
+    pub near_parts: Option<u32>,
     /// Whether an image lies behind the volume; `ENVIRONMENT_IMAGE` in the shader.
     pub image_behind: bool,
     /// What the scene uses.
@@ -75,7 +75,7 @@ impl Variant {
             quads: texture.quads.is_some(),
             keep_segments: false,
             field_bands: field.map_or(0, |field| field.bands),
-            near_parts: field.map_or(0, LightField::near_parts),
+            near_parts: field.and_then(LightField::near_parts),
             image_behind: matches!(scene.background, Background::Image { .. }),
             features: if scene.rendering.is_lit() { Features::of(scene) } else { Features::default() },
         }
@@ -181,8 +181,8 @@ impl RayCaster {
             constants.push(("SEGMENTS", f64::from(variant.segments)));
             constants.push(("QUADS", f64::from(u8::from(variant.quads))));
             constants.push(("FIELD_BANDS", f64::from(variant.field_bands)));
-            constants.push(("DIRECT", f64::from(u8::from(variant.near_parts > 0))));
-            constants.push(("NEAR_PARTS", f64::from(variant.near_parts.max(1))));
+            constants.push(("DIRECT", f64::from(u8::from(variant.near_parts.is_some()))));
+            constants.push(("NEAR_PARTS", f64::from(variant.near_parts.unwrap_or(0))));
             constants.push(("ENVIRONMENT_IMAGE", f64::from(u8::from(variant.image_behind))));
             constants.push(("KEEP_SEGMENTS", f64::from(u8::from(variant.keep_segments))));
             gpu.compute_pipeline("ray_cast", Some(layout), module, &constants)

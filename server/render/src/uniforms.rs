@@ -83,10 +83,8 @@ pub struct Field {
     pub scale: f32,
     pub direct_cells: [f32; 3],
     pub near: f32,
+    pub direct_nodes: [f32; 3],
     pub clip_blocks: u32,
-    pub pad0: u32,
-    pub pad1: u32,
-    pub pad2: u32,
 }
 
 /// `DirectRun` of shaders/direct_light/march.wgsl.
@@ -393,7 +391,7 @@ pub struct Records {
     pub material: u32,
     pub window: u32,
     pub own_lights: u32,
-    pub lights_in_field: u32,
+    pub pad0: u32,
     pub pad1: u32,
     pub pad2: u32,
     pub eye: [f32; 4],
@@ -475,7 +473,7 @@ pub fn layouts() -> Vec<Layout> {
                 bands,
             }
         ),
-        layout!("Field", Field { dims, scale, direct_cells, near, clip_blocks, pad0, pad1, pad2 }),
+        layout!("Field", Field { dims, scale, direct_cells, near, direct_nodes, clip_blocks }),
         layout!(
             "DirectRun",
             DirectRun {
@@ -613,7 +611,7 @@ pub fn layouts() -> Vec<Layout> {
                 material,
                 window,
                 own_lights,
-                lights_in_field,
+                pad0,
                 pad1,
                 pad2,
                 eye,

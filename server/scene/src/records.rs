@@ -66,16 +66,18 @@ impl Records {
         let matter = scene.transfer_function.points.iter();
         let mut materials = matter.map(|point| &scene.materials[point.material]);
         let directed = materials.any(|m| m.surface > 0.0 || m.phase != Phase::Isotropic);
-        // Lights with a direction of their own are no part of the coefficients of `product`.
-        let surrounded = || {
-            let mut lights = scene.lights.iter();
-            lights.any(|light| light.is_environment()) || scene.glows()
-        };
         match self.form {
-            RecordForm::Product if directed && surrounded() => self.bands,
-            RecordForm::Static if directed => self.bands,
+            RecordForm::Product | RecordForm::Static if directed => self.bands,
             _ => 1,
         }
+    }
+
+    /// Whether any light comes by way of records: in the form `product` they hold that from all around
+    /// and of glowing matter alone.
+    pub fn are_read(&self, scene: &Scene) -> bool {
+        self.form != RecordForm::Product
+            || scene.glows()
+            || scene.lights.iter().any(|light| light.is_environment())
     }
 }
 

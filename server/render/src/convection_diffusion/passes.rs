@@ -10,7 +10,7 @@ use super::sweep::Cells;
 use super::transport::{Matter, bind, groups_of, light_grid, pipeline, uniform};
 use crate::error::RenderError;
 use crate::gpu::{Gpu, buffer_entry, texture_entry};
-use crate::light_field::{self, LightField};
+use crate::light_field::LightField;
 use crate::shaders;
 use crate::tables;
 use crate::uniforms::{Compose, Heat, MAX_FIELD_LIGHTS, Sources};
@@ -25,7 +25,6 @@ pub struct Passes {
     p1_source: wgpu::ComputePipeline,
     heat: wgpu::ComputePipeline,
     compose: wgpu::ComputePipeline,
-    no_layers: wgpu::TextureView,
 }
 
 /// What passes over cells are told of a scene.
@@ -70,8 +69,9 @@ pub struct Composed<'a> {
     pub lights: &'a wgpu::Buffer,
     /// Of all lights.
     pub transmittances: &'a wgpu::Buffer,
-    /// What is written.
+    /// What is written: diffused light, and transmittances, four lights a slab.
     pub field: &'a LightField,
+    pub direct: &'a wgpu::TextureView,
     /// How light is diffused.
     pub kind: Kind,
 }
@@ -84,7 +84,6 @@ impl Passes {
             p1_source: pipeline(&gpu, "p1_source", shaders::P1_SOURCE, &[]),
             heat: pipeline(&gpu, "heat_matter", shaders::HEAT_MATTER, &[]),
             compose: pipeline(&gpu, "compose_field", shaders::COMPOSE_FIELD, &[]),
-            no_layers: light_field::no_layers(&gpu),
             gpu,
         }
     }
@@ -204,7 +203,7 @@ impl Passes {
                 buffer_entry(4, composed.lights),
                 buffer_entry(20, &light.grid),
                 texture_entry(21, &composed.field.view),
-                texture_entry(23, composed.field.direct.as_ref().unwrap_or(&self.no_layers)),
+                texture_entry(23, composed.direct),
                 texture_entry(24, &composed.matter.coefficients),
                 buffer_entry(29, composed.transmittances),
                 buffer_entry(31, flows),

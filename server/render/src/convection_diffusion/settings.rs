@@ -9,6 +9,7 @@ use scene::light::LightGeometry;
 use super::diffusion::largest_buffer;
 use super::passes::NEAREST;
 use super::sweep::Cells;
+use crate::direct_light::LIGHTS_A_SLAB;
 use crate::gpu::Gpu;
 use crate::light_field;
 use crate::tables;
@@ -72,7 +73,8 @@ pub fn grid_of(scene: &Scene, gpu: &Gpu) -> Cells {
     loop {
         let dims = scene.grid.dims.map(|n| ((n as f64 * share).round() as u32).clamp(1, MAX_EDGE));
         let cells = Cells { dims, size: scene.grid.size_world / DVec3::from_array(dims.map(f64::from)) };
-        let edge = dims.iter().max().copied().unwrap_or(1) * bands_of(scene);
+        let slabs = (lights as usize).div_ceil(LIGHTS_A_SLAB) as u32;
+        let edge = dims.iter().max().copied().unwrap_or(1) * bands_of(scene).max(slabs);
         let fits = largest_buffer(&cells).max(4 * lights * cells.count()) <= gpu.max_binding_bytes()
             && edge <= gpu.max_texture_edge_3d();
         if fits || cells.count() == 1 {

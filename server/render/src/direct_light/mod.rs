@@ -28,7 +28,7 @@ use stale::{Todo, todo};
 pub(crate) use stale::{changed_bins, kept_region};
 
 /// Lights of a slab.
-const LIGHTS_A_SLAB: usize = 4;
+pub(crate) const LIGHTS_A_SLAB: usize = 4;
 /// Nodes that are looked up, and known to be up to date, together.
 const RUN_NODES: u32 = 65_536;
 const RUN_NODES_SOFTWARE: u32 = 4096;
@@ -100,7 +100,7 @@ struct Kept {
 }
 
 /// How far the nodes have got: in runs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) struct Arrived {
     pub done: u64,
     pub all: u64,
@@ -155,8 +155,8 @@ impl DirectLight {
     /// As view rays of the scene look it up.
     pub fn look_up(&self, scene: &Scene, gpu: &Gpu) -> Option<Direct> {
         let kept = self.kept.as_ref()?;
-        let grid = &scene.grid;
-        let cell = (0..3).map(|axis| grid.size_world[axis] / f64::from(kept.layout.cells[axis]));
+        let (grid, cells) = (&scene.grid, kept.layout.cells);
+        let cell = (0..3).map(|axis| grid.size_world[axis] / f64::from(cells[axis]));
         let voxel = (0..3).map(|axis| grid.size_world[axis] / grid.dims[axis] as f64);
         let near = NEAR_CELLS * cell.fold(0.0, f64::max);
         let voxels = near / voxel.fold(f64::INFINITY, f64::min);
@@ -166,11 +166,17 @@ impl DirectLight {
             Filter::Linear => 2.0 * voxels,
         };
         let leaves_out = gpu.info().software && tables::by_slot(scene).len() > MAX_NEAR_LIGHTS_SOFTWARE;
+        let enough = |n: &u32| f64::from(*n) >= parts;
         Some(Direct {
             view: kept.view.clone(),
-            cells: kept.layout.cells,
+            cells,
+            nodes: cells.map(|n| n + 1),
             near: if leaves_out { 0.0 } else { near as f32 },
-            near_parts: NEAR_PARTS.into_iter().find(|&n| f64::from(n) >= parts).unwrap_or(NEAR_PARTS[3]),
+            near_parts: if leaves_out {
+                0
+            } else {
+                NEAR_PARTS.into_iter().find(enough).unwrap_or(NEAR_PARTS[3])
+            },
             clipped_matter_blocks: scene.clip.shadows,
         })
     }

@@ -53,13 +53,13 @@ impl Skies {
     }
 }
 
-/// Whether a light has a direction of its own at each record. In the paper's forms those at infinity
-/// are part of the environment.
+/// Whether records cast a ray of their own to a light. In the paper's forms those at infinity are part
+/// of the environment; in ours what comes from one direction is no part of records.
 pub fn has_own_ray(light: &Light, form: RecordForm) -> bool {
     match light.geometry {
         LightGeometry::UniformEnvironment | LightGeometry::Environment { .. } => false,
-        LightGeometry::Directional { .. } => form == RecordForm::Product,
-        _ => true,
+        LightGeometry::Directional { .. } => false,
+        _ => form != RecordForm::Product,
     }
 }
 
@@ -139,9 +139,7 @@ impl Arriving {
         let products = (0..count).flat_map(|k| pixels.iter().map(move |pixel| texel(k, pixel))).collect();
         let mut fluence: f64 = pixels.iter().map(|pixel| pixel.light[0]).sum::<DVec3>().max_element();
         fluence *= (4.0 * PI).sqrt();
-        if form != RecordForm::Product {
-            fluence += lights.iter().map(|light| largest_irradiance(light, scene)).sum::<f64>();
-        }
+        fluence += lights.iter().map(|light| largest_irradiance(light, scene)).sum::<f64>();
         let glow = scene.transfer_function.points.iter().map(|point| point.emission.max_element());
         fluence += 4.0 * PI * glow.fold(0.0, f64::max);
         // A power of two, so that it changes no digit of a coefficient.

@@ -19,11 +19,12 @@ use scene::light::Light;
 use scene::spherical::healpix;
 use scene::{Records, Scene, Snapshot, records};
 
+use crate::direct_light::{Arrived, DirectLight};
 use crate::error::RenderError;
 use crate::frame::frame_uniform;
 use crate::gpu::Gpu;
 use crate::illumination::{Inputs, Progress};
-use crate::light_field::{LIGHTS_A_SLAB, LightField};
+use crate::light_field::LightField;
 use crate::tables;
 use crate::uniforms;
 use crate::view::FilmCache;
@@ -49,6 +50,8 @@ const FIRST_SLICE: f64 = 16_384.0;
 pub(crate) struct ImageBased {
     passes: Arc<Passes>,
     kept: Option<Kept>,
+    /// What lights with a direction bring by themselves, in the form `product`.
+    direct: Option<DirectLight>,
     skies: Skies,
     /// Milliseconds per ray that may have to be cast, and per product of a ray with a light.
     millis_per_ray: f64,
@@ -76,8 +79,6 @@ struct Kept {
     field: LightField,
     /// Which scene's matter, and lookup, decided where records are.
     placed: Option<Arc<Snapshot>>,
-    /// Lights in the order of the field's layers of transmittances.
-    direct: Vec<String>,
     /// The light that coefficients are to be the product with, and its number.
     light: Option<Lit>,
     lit: u64,
@@ -91,7 +92,14 @@ struct Lit {
 
 impl ImageBased {
     pub fn new(passes: Arc<Passes>) -> Self {
-        Self { passes, kept: None, skies: Skies::default(), millis_per_ray: 0.0, millis_per_product: 0.0 }
+        Self {
+            passes,
+            kept: None,
+            direct: None,
+            skies: Skies::default(),
+            millis_per_ray: 0.0,
+            millis_per_product: 0.0,
+        }
     }
 
     pub fn field(&self) -> Option<&LightField> {
@@ -99,10 +107,12 @@ impl ImageBased {
     }
 
     pub fn bytes(&self) -> u64 {
-        self.kept.as_ref().map_or(0, |kept| {
-            let words = if kept.shape.glow { 4 } else { 1 };
-            kept.field.bytes() + kept.chunks.len() as u64 * Chunk::bytes(kept.shape.columns, words)
-        })
+        let direct = self.direct.as_ref().map_or(0, DirectLight::bytes);
+        direct
+            + self.kept.as_ref().map_or(0, |kept| {
+                let words = if kept.shape.glow { 4 } else { 1 };
+                kept.field.bytes() + kept.chunks.len() as u64 * Chunk::bytes(kept.shape.columns, words)
+            })
     }
 
     /// Brings records to the snapshot until the deadline, at least one slice.
@@ -122,8 +132,21 @@ impl ImageBased {
         let Some(kept) = &mut self.kept else {
             return Err(RenderError::Gpu("records are missing".into()));
         };
+        let kept_apart = Records::of(scene).form == RecordForm::Product
+            && scene.lights.iter().any(|light| !light.is_environment());
+        let mut arrived = Arrived::default();
+        if kept_apart {
+            let direct = self.direct.get_or_insert_with(|| DirectLight::new(inputs.direct_light.clone()));
+            arrived = direct.advance(inputs, deadline, counters)?;
+        } else {
+            self.direct = None;
+        }
         kept.place(inputs.snapshot);
         let all_at_once = kept.relight(inputs, &mut self.skies)?;
+        match self.direct.as_ref().and_then(|direct| direct.look_up(scene, inputs.gpu)) {
+            Some(look_up) => kept.field.set_direct(look_up),
+            None => kept.field.take_direct_in(),
+        }
         let base = kept.slots.base_of(inputs.snapshot);
         let mut staleness_of: Vec<(u32, Stale)> = Vec::new();
         for (id, held) in kept.slots.bases() {
@@ -183,8 +206,12 @@ impl ImageBased {
         counters.insert("records".into(), all as u64);
         let clamped = kept.light.as_ref().map_or(0.0, |light| light.arriving.clamped_share);
         counters.insert("record_light_clamped_ppm".into(), (clamped * 1e6).round() as u64);
-        let completeness = if all == 0 { 1.0 } else { done as f32 / all as f32 };
-        Ok(Progress { complete: done == all, completeness, changed })
+        let share = |done: u64, all: u64| if all > 0 { done as f32 / all as f32 } else { 1.0 };
+        Ok(Progress {
+            complete: done == all && arrived.done == arrived.all,
+            completeness: share(done as u64, all as u64).min(share(arrived.done, arrived.all)),
+            changed: changed || arrived.changed,
+        })
     }
 }
 
@@ -240,7 +267,6 @@ impl Kept {
             buffers: Buffers::new(gpu, shape.columns)?,
             field: LightField::new(gpu, shape.dims, bands)?,
             placed: None,
-            direct: Vec::new(),
             light: None,
             lit: 0,
             shape,
@@ -251,11 +277,18 @@ impl Kept {
     fn place(&mut self, snapshot: &Arc<Snapshot>) {
         let scene = &snapshot.scene;
         let lookup = Records::of(scene).lookup;
+        let are_read = |scene: &Scene| Records::of(scene).are_read(scene);
         let same = |old: &Scene| {
-            old.bins_with_matter() == scene.bins_with_matter() && Records::of(old).lookup == lookup
+            old.bins_with_matter() == scene.bins_with_matter()
+                && Records::of(old).lookup == lookup
+                && are_read(old) == are_read(scene)
         };
         if self.placed.as_ref().is_none_or(|placed| !same(&placed.scene)) {
-            self.slots.keep(&records::needed(scene, self.shape.dims, lookup));
+            let needed = match are_read(scene) {
+                true => records::needed(scene, self.shape.dims, lookup),
+                false => vec![false; self.shape.dims.iter().product::<u32>() as usize],
+            };
+            self.slots.keep(&needed);
             self.placed = Some(snapshot.clone());
         }
         self.field.nearest = lookup == RecordLookup::Containing;
@@ -277,7 +310,6 @@ impl Kept {
             self.field.nearest = nearest;
             at_once = self.light.is_some();
         }
-        self.make_direct(scene, &arriving)?;
         self.field.set_scale(arriving.scale);
         let size = wgpu::Extent3d {
             width: arriving.products.len() as u32 / (bands * bands),
@@ -297,24 +329,6 @@ impl Kept {
         self.light = Some(Lit { snapshot: inputs.snapshot.clone(), arriving, products });
         self.lit += 1;
         Ok(at_once)
-    }
-
-    /// Makes room for transmittances from lights that have rays of their own, where they are kept. If
-    /// their order changed, nothing is known of any.
-    fn make_direct(&mut self, scene: &Scene, arriving: &Arriving) -> Result<(), RenderError> {
-        if Records::of(scene).form != RecordForm::Product {
-            self.field.direct = None;
-            self.direct.clear();
-            return Ok(());
-        }
-        let ids: Vec<String> = arriving.lights.iter().map(|light| light.id.clone()).collect();
-        let same_places = self.direct.iter().zip(&ids).all(|(old, new)| old == new);
-        let room = self.field.direct_layers() * LIGHTS_A_SLAB;
-        if self.field.direct.is_none() || !same_places || ids.len() as u32 > room {
-            self.field.make_direct(ids.len())?;
-        }
-        self.direct = ids;
-        Ok(())
     }
 
     /// What all dispatches of a scene read.
@@ -367,7 +381,7 @@ impl Kept {
             material: densest_material(scene) as u32,
             window: u32::from(settings.window && settings.form == RecordForm::Product),
             own_lights: self.own_lights(),
-            lights_in_field: if self.field.direct.is_some() { 0 } else { self.own_lights() },
+            pad0: 0,
             pad1: 0,
             pad2: 0,
             eye: eye.as_vec4().to_array(),
@@ -391,12 +405,10 @@ fn same_light(old: &Scene, new: &Scene) -> bool {
         && (b.form != RecordForm::Dynamic || same_eye())
 }
 
-/// Whether lights are the same, but for the colours of those whose transmittances are kept.
+/// Whether lights are the same, but for those that are no part of records.
 fn same_lights(old: &[Light], new: &[Light], form: RecordForm) -> bool {
-    let kept = |light: &Light| form == RecordForm::Product && has_own_ray(light, form);
-    let without_colour = |light: &Light| Light { power: DVec3::ONE, ..light.clone() };
-    old.len() == new.len()
-        && old.iter().zip(new).all(|(a, b)| a == b || kept(a) && without_colour(a) == without_colour(b))
+    let of_records = |light: &&Light| light.is_environment() || form != RecordForm::Product;
+    old.iter().filter(of_records).eq(new.iter().filter(of_records))
 }
 
 /// The material whose phase function stands for all where only one can.

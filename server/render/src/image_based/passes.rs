@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::error::RenderError;
 use crate::gpu::{Gpu, buffer_entry, texture_entry};
 use crate::image_based::slots::CHUNK_SLOTS;
-use crate::light_field::{self, LightField};
+use crate::light_field::LightField;
 use crate::shaders;
 use crate::uniforms;
 use crate::variants::Variants;
@@ -39,8 +39,6 @@ pub struct Passes {
     gpu: Arc<Gpu>,
     march: Pass,
     project: Pass,
-    /// Stands where a field has no layers of transmittances.
-    no_layers: wgpu::TextureView,
 }
 
 struct Pass {
@@ -82,8 +80,7 @@ impl Passes {
     pub fn new(gpu: Arc<Gpu>) -> Self {
         let march = Pass::new(&gpu, "march_records", shaders::MARCH_RECORDS, &march_entries());
         let project = Pass::new(&gpu, "project_records", shaders::PROJECT_RECORDS, &project_entries());
-        let no_layers = light_field::no_layers(&gpu);
-        Self { gpu, march, project, no_layers }
+        Self { gpu, march, project }
     }
 
     /// Casts the rays of `records` entries, a row of workgroups for each column.
@@ -131,14 +128,12 @@ impl Passes {
                 buffer_entry(18, &buffers.counters),
                 texture_entry(19, bound.products),
                 texture_entry(20, &bound.field.view),
-                texture_entry(21, bound.field.direct.as_ref().unwrap_or(&self.no_layers)),
             ],
         );
         let variant = PassVariant { nearest: false, quads: false, ..variant };
         let pipeline = self.project.pipeline(&self.gpu, variant);
         let coefficients = bound.field.bands * bound.field.bands;
-        let rows = coefficients + bound.field.direct_layers();
-        self.gpu.dispatch(&pipeline, &group, [records.div_ceil(GROUP), rows]);
+        self.gpu.dispatch(&pipeline, &group, [records.div_ceil(GROUP), coefficients]);
     }
 }
 
@@ -280,7 +275,6 @@ fn project_entries() -> Vec<wgpu::BindGroupLayoutEntry> {
         entry(4, buffer(UNIFORM)),
         entry(19, texture(wgpu::TextureViewDimension::D2, FLOATS)),
         entry(20, field),
-        entry(21, field),
     ];
     own.into_iter().chain(shared_entries()).collect()
 }

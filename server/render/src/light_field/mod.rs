@@ -15,7 +15,7 @@ use crate::gpu::Gpu;
 use crate::uniforms;
 
 /// Four half floats.
-const TEXEL_BYTES: u64 = 8;
+pub(crate) const TEXEL_BYTES: u64 = 8;
 
 /// The grid spans the volume's box; texels are the centres of its cells.
 pub(crate) struct LightField {
@@ -40,13 +40,15 @@ pub(crate) struct LightField {
 /// How much of each light reaches places, as view rays look it up (shaders/direct_light/look_up.wgsl).
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Direct {
-    /// Of four lights a slab along z, a texel a node.
+    /// Of four lights a slab along z, a texel a node; the place of a light is that of `tables::by_slot`.
     pub view: wgpu::TextureView,
-    /// Cells between nodes, along each axis.
+    /// Cells of the volume's box, along each axis.
     pub cells: [u32; 3],
+    /// Nodes along each axis: a cell's corners (one more than cells), or its centres (as many).
+    pub nodes: [u32; 3],
     /// How far towards a light matter is looked at, world units, and in how many parts.
     pub near: f32,
-    /// As above.
+    /// As above; 0: not at all.
     pub near_parts: u32,
     /// Whether clipped matter blocks light.
     pub clipped_matter_blocks: bool,
@@ -68,21 +70,6 @@ pub(crate) fn texture(gpu: &Gpu, size: wgpu::Extent3d) -> Result<wgpu::Texture, 
     };
     let bytes = TEXEL_BYTES * u64::from(size.width * size.height * size.depth_or_array_layers);
     gpu.allocating("the light field", bytes, || gpu.device.create_texture(&descriptor))
-}
-
-/// Stands where passes may write transmittances of a field that has none.
-pub(crate) fn no_layers(gpu: &Gpu) -> wgpu::TextureView {
-    let descriptor = wgpu::TextureDescriptor {
-        label: Some("no transmittances"),
-        size: wgpu::Extent3d::default(),
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D3,
-        format: wgpu::TextureFormat::Rgba16Float,
-        usage: wgpu::TextureUsages::STORAGE_BINDING,
-        view_formats: &[],
-    };
-    gpu.device.create_texture(&descriptor).create_view(&wgpu::TextureViewDescriptor::default())
 }
 
 /// Texels of a field whose longest edge has about `longest` of them: cells about cubic, none smaller
@@ -147,9 +134,9 @@ impl LightField {
         self.direct.as_ref().map(|direct| &direct.view)
     }
 
-    /// Parts in which matter beside a place is looked at; 0: what lights bring is not kept apart.
-    pub fn near_parts(&self) -> u32 {
-        self.direct.as_ref().map_or(0, |direct| direct.near_parts)
+    /// Parts in which matter beside a place is looked at; `None`: what lights bring is not kept apart.
+    pub fn near_parts(&self) -> Option<u32> {
+        self.direct.as_ref().map(|direct| direct.near_parts)
     }
 
     /// From now on what lights bring by themselves is told by this, and the field holds the rest.
@@ -160,9 +147,9 @@ impl LightField {
         }
     }
 
-    /// Slabs of transmittances, four lights each; 0: there are none.
-    pub fn direct_layers(&self) -> u32 {
-        self.direct.as_ref().map_or(0, |view| view.texture().depth_or_array_layers() / self.dims[2])
+    /// From now on what lights bring by themselves is in the field, as all else.
+    pub fn take_direct_in(&mut self) {
+        self.direct = None;
     }
 
     /// The radiance that texels hold as 1. Half floats end at 65504 and lose digits below 6e-5.
@@ -179,6 +166,7 @@ impl LightField {
         };
         if let Some(direct) = &self.direct {
             uniform.direct_cells = direct.cells.map(|n| n as f32);
+            uniform.direct_nodes = direct.nodes.map(|n| n as f32);
             uniform.near = direct.near;
             uniform.clip_blocks = u32::from(direct.clipped_matter_blocks);
         }
@@ -188,7 +176,7 @@ impl LightField {
     /// Bytes on the GPU.
     pub fn bytes(&self) -> u64 {
         let texels = self.dims.iter().map(|&n| u64::from(n)).product::<u64>();
-        TEXEL_BYTES * texels * u64::from(self.bands * self.bands + self.direct_layers())
+        TEXEL_BYTES * texels * u64::from(self.bands * self.bands)
     }
 
     /// Writes all texels from the host: `coefficients[k][texel]`, x fastest.

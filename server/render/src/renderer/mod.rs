@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use proto::FieldError;
 use proto::plan::{FrameReport, StageTime};
-use proto::scene_file::{Method, ToneMapping};
+use proto::scene_file::{Method, RecordForm, ToneMapping};
 use scene::distance::distance_map;
 use scene::light::LightGeometry;
 use scene::plan::{FilmPlan, Pass, Plan, SegmentsPlan, Target};
@@ -625,7 +625,12 @@ fn count_tiles(view: &View, plan: &Plan, counters: &mut BTreeMap<String, u64>) {
 fn centred(snapshot: &Arc<Snapshot>) -> Arc<Snapshot> {
     let scene = &snapshot.scene;
     let is_centred = scene.grid.center_world == glam::DVec3::ZERO;
-    let suns_apart = if scene.method == Method::PhotonMap { scene.with_suns_apart() } else { None };
+    let is_coarse = match scene.method {
+        Method::PhotonMap => true,
+        Method::ImageBased => scene.illumination.record_form == RecordForm::Product,
+        _ => false,
+    };
+    let suns_apart = if is_coarse { scene.with_suns_apart() } else { None };
     match suns_apart {
         None if is_centred => snapshot.clone(),
         None => Arc::new(Snapshot { epoch: snapshot.epoch, scene: scene.centred() }),

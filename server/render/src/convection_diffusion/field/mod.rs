@@ -19,10 +19,11 @@ use super::stale::{Region, changed_region};
 use super::sweep::Cells;
 use super::transport::{Lines, Matter, Transport, storage};
 use super::upwind::{Fronts, Upwind};
+use crate::direct_light::LIGHTS_A_SLAB;
 use crate::error::RenderError;
 use crate::gpu::Gpu;
 use crate::illumination::{Inputs, Progress};
-use crate::light_field::{LIGHTS_A_SLAB, LightField};
+use crate::light_field::{self, Direct, LightField};
 use crate::uniforms::Sweep;
 
 /// Pipelines of the method, for all sessions of a device; compiled when first needed.
@@ -87,6 +88,28 @@ struct Carrying {
     fronts: Option<Fronts>,
 }
 
+/// Transmittances of four lights a slab, in half floats.
+struct Slabs {
+    slabs: usize,
+    dims: [u32; 3],
+    view: wgpu::TextureView,
+}
+
+impl Slabs {
+    fn new(gpu: &Gpu, dims: [u32; 3], lights: usize) -> Result<Self, RenderError> {
+        let slabs = lights.div_ceil(LIGHTS_A_SLAB).max(1);
+        let [width, height, depth] = dims;
+        let size = wgpu::Extent3d { width, height, depth_or_array_layers: depth * slabs as u32 };
+        let texture = light_field::texture(gpu, size)?;
+        Ok(Self { slabs, dims, view: texture.create_view(&wgpu::TextureViewDescriptor::default()) })
+    }
+
+    fn bytes(&self) -> u64 {
+        let texels = self.dims.iter().map(|&n| u64::from(n)).product::<u64>();
+        light_field::TEXEL_BYTES * texels * self.slabs as u64
+    }
+}
+
 /// The light of one session by this method.
 pub(crate) struct ConvectionDiffusion {
     gpu: Arc<Gpu>,
@@ -98,6 +121,8 @@ pub(crate) struct ConvectionDiffusion {
     transmittances: wgpu::Buffer,
     diffused: Option<(Grids, wgpu::Buffer)>,
     field: LightField,
+    /// Transmittances as view rays read them.
+    direct: Slabs,
     /// Cells whose matter is not the newest scene's.
     unfilled: Option<Region>,
     carrying: Option<Carrying>,
@@ -131,6 +156,7 @@ impl ConvectionDiffusion {
             transmittances: storage(gpu, "transmittances", 4 * cells.count())?,
             diffused: None,
             field: LightField::new(gpu, cells.dims, bands_of(scene))?,
+            direct: Slabs::new(gpu, cells.dims, carried(scene).count())?,
             unfilled: Some(Region::all(&cells)),
             carrying: None,
             unprepared: true,
@@ -153,7 +179,11 @@ impl ConvectionDiffusion {
     /// Bytes on the GPU.
     pub fn bytes(&self) -> u64 {
         let diffused = self.diffused.as_ref().map_or(0, |(grids, leaks)| grids.bytes() + leaks.size());
-        self.field.bytes() + Matter::bytes(&self.cells) + self.transmittances.size() + diffused
+        self.field.bytes()
+            + self.direct.bytes()
+            + Matter::bytes(&self.cells)
+            + self.transmittances.size()
+            + diffused
     }
 
     /// Fluence of diffused light in every cell, four floats each.
@@ -329,15 +359,25 @@ impl ConvectionDiffusion {
             self.field = LightField::new(&self.gpu, self.cells.dims, bands_of(scene))?;
             self.uncomposed = Some(0);
         }
-        // The heat flow takes direct light as well.
-        if kind_of(scene) == Kind::Heat {
-            self.field.direct = None;
-            return Ok(());
-        }
         let lights = carried(scene).count();
-        if self.field.direct.is_none() || self.field.direct_layers() * LIGHTS_A_SLAB < lights as u32 {
-            self.field.make_direct(lights)?;
+        if self.direct.slabs * LIGHTS_A_SLAB < lights {
+            self.direct = Slabs::new(&self.gpu, self.cells.dims, lights)?;
             self.uncomposed = Some(0);
+        }
+        // The heat flow takes direct light as well.
+        match kind_of(scene) {
+            Kind::Heat => self.field.take_direct_in(),
+            Kind::P1 | Kind::None => {
+                let dims = self.cells.dims;
+                self.field.set_direct(Direct {
+                    view: self.direct.view.clone(),
+                    cells: dims,
+                    nodes: dims,
+                    near: 0.0,
+                    near_parts: 0,
+                    clipped_matter_blocks: scene.clip.shadows,
+                });
+            }
         }
         Ok(())
     }

@@ -213,6 +213,7 @@ impl ConvectionDiffusion {
                 lights: &inputs.lights.lights,
                 transmittances: &self.transmittances,
                 field: &self.field,
+                direct: &self.direct.view,
                 kind: if self.diffused.is_some() { kind_of(scene) } else { Kind::None },
             },
         )?;
