@@ -84,6 +84,7 @@ pub fn typescript() -> String {
         rest::RegionHistogram,
         rest::PreviewRequest,
         rest::ExportFormat,
+        rest::CameraKey,
         rest::ExportRequest,
         rest::ExportState,
         rest::Export,
