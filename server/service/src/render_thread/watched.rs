@@ -62,7 +62,7 @@ pub(super) struct Watched {
     moving_began: Option<Instant>,
     /// When it was last worked on.
     worked: Instant,
-    /// Time used, for fairness.
+    /// Turns it had, for fairness.
     pub(super) account: Account,
 }
 
@@ -260,6 +260,11 @@ impl Watched {
         };
         self.worked = Instant::now();
         result
+    }
+
+    /// Number of the newest frame.
+    pub(super) fn frame(&self) -> u32 {
+        self.frame
     }
 
     /// GPU memory it keeps for itself.
@@ -467,3 +472,7 @@ impl Watched {
         }
     }
 }
+
+#[cfg(test)]
+#[path = "watched_tests.rs"]
+mod tests;
