@@ -71,6 +71,7 @@ pub fn typescript() -> String {
         scene_file::ImageSize,
         plan::PassReport,
         plan::StageTime,
+        plan::StaleShares,
         plan::FrameReport,
         rest::Problem,
         rest::DeviceInfo,

@@ -17,6 +17,7 @@ use scene::scene::Snapshot;
 use scene::{Light, Scene};
 
 use crate::error::RenderError;
+use crate::gpu::Gpu;
 use crate::illumination::{Inputs, Progress};
 use crate::light_field::LightField;
 use crate::tables;
@@ -27,6 +28,10 @@ pub(crate) use pipelines::PhotonPipelines;
 /// GPU memory of a map. The software device's is the server's own.
 const MAX_BYTES: u64 = 16 << 30;
 const MAX_BYTES_SOFTWARE: u64 = 2 << 30;
+
+/// Photons that are looked at, of all lights together, for what edits make stale: a share is known to
+/// 0.2 % (one standard error), and 2 MiB are read back.
+const PHOTONS_LOOKED_AT: u32 = 65_536;
 
 /// What a map is laid out for: another layout is another map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -188,6 +193,17 @@ impl PhotonMap {
         &self.field.light
     }
 
+    /// Bins that photons relied on: of all, or of many the first of each light, which are as random as
+    /// the others.
+    pub fn bins_relied_on(&self, gpu: &Gpu) -> Result<Vec<u64>, RenderError> {
+        let each = PHOTONS_LOOKED_AT / (self.lights.len() as u32).max(1);
+        let mut bins = Vec::new();
+        for photons in self.lights.values() {
+            bins.extend(photons.first_bins(gpu, each)?);
+        }
+        Ok(bins)
+    }
+
     pub fn bytes(&self) -> u64 {
         let photons: u64 = self.lights.values().map(LightPhotons::bytes).sum();
         self.in_flight.bytes() + self.field.bytes() + photons
@@ -195,7 +211,7 @@ impl PhotonMap {
 
     /// Every buffer of a light's photons and its sums, for tests of equality.
     #[cfg(test)]
-    pub fn contents(&self, gpu: &crate::gpu::Gpu) -> Result<BTreeMap<String, Vec<Vec<u8>>>, RenderError> {
+    pub fn contents(&self, gpu: &Gpu) -> Result<BTreeMap<String, Vec<Vec<u8>>>, RenderError> {
         self.lights.iter().map(|(id, photons)| Ok((id.clone(), photons.contents(gpu)?))).collect()
     }
 }

@@ -234,7 +234,7 @@ impl Watched {
         let (snapshot, target) = (drawing.snapshot.clone(), drawing.target);
         let request = DrawRequest { snapshot: &snapshot, target, budget: Some(time) };
         let drawn = renderer.draw(&mut self.view, &request)?;
-        frame::accumulate(&mut drawing.report, &drawn);
+        frame::accumulate(&mut drawing.report, drawn.report());
         drawing.casting += frame::casting_time(&drawn);
         self.film = Some(Film {
             snapshot,
@@ -402,7 +402,9 @@ impl Watched {
         let Some(drawing) = &self.drawing else { return Ok(()) };
         if drawn.complete {
             let picture = renderer.picture(&mut self.view)?;
-            if let Some(drawing) = self.drawing.take() {
+            let stale_shares = renderer.stale_shares(&self.view)?;
+            if let Some(mut drawing) = self.drawing.take() {
+                drawing.report.get_or_insert_default().stale_shares = stale_shares;
                 self.show(drawing, picture, Encoding::Lossless);
             }
             return Ok(());
