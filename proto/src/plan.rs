@@ -36,8 +36,21 @@ pub struct StageTime {
     pub device_millis: Option<f64>,
 }
 
+/// What an edit of each scalar bin would make stale of what is kept now.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, TS, ToSchema)]
+pub struct StaleShares {
+    /// What is counted: `photons` or `tiles`.
+    pub what: String,
+    /// How many were counted: all of them, or of many the first ones of each light.
+    #[ts(type = "number")]
+    pub counted: u64,
+    /// Of each of the 64 bins, in the order of their values, the share that relied on it, 0..1.
+    pub of_bins: Vec<f32>,
+}
+
 /// The plan of a frame and what it cost.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, TS, ToSchema)]
+#[ts(optional_fields)]
 pub struct FrameReport {
     /// What changed since the picture before, in words; empty if nothing.
     pub changes: Vec<String>,
@@ -51,4 +64,7 @@ pub struct FrameReport {
     /// GPU memory in use, bytes, by owner.
     #[ts(type = "Record<string, number>")]
     pub gpu_bytes: BTreeMap<String, u64>,
+    /// What edits would make stale; with final pictures of methods that keep it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stale_shares: Option<StaleShares>,
 }

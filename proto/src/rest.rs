@@ -230,8 +230,19 @@ pub enum ExportFormat {
     Zip,
 }
 
+/// A view that the camera of a film comes through.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, TS, ToSchema)]
+#[serde(deny_unknown_fields)]
+#[ts(optional_fields)]
+pub struct CameraKey {
+    /// When, seconds, 0 to 3600; at least 0.01 after the view before.
+    pub seconds: f64,
+    /// The view.
+    pub camera: Camera,
+}
+
 /// `POST /api/v1/sessions/{id}/exports`: the session's scene from a camera that goes around its
-/// target.
+/// target (`turns`), or through views (`keys`). Exactly one of the two.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, TS, ToSchema)]
 #[serde(deny_unknown_fields)]
 #[ts(optional_fields)]
@@ -242,8 +253,17 @@ pub struct ExportRequest {
     pub height: u32,
     /// Number of pictures, 2 to 1440.
     pub frames: u32,
-    /// Turns about the camera's upright axis, -10 to 10; positive ones are right-handed about it.
-    pub turns: f64,
+    /// Turntable: turns about the camera's upright axis, -10 to 10; positive ones are right-handed
+    /// about it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub turns: Option<f64>,
+    /// Film: 2 to 64 views of one projection, in the order of their times. The first picture shows
+    /// the first view, the last one the last, and the others stand evenly in time between. From view
+    /// to view the camera takes the shorter rotation, and its velocity is continuous; it starts and
+    /// ends at rest.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[ts(optional, as = "Option<Vec<CameraKey>>")]
+    pub keys: Vec<CameraKey>,
     /// Pictures a second, 1 to 60, where the format tells.
     pub frames_per_second: u32,
     /// Samples, or paths, per pixel, 1 to 4096; absent: as many as the scene has at rest.
@@ -252,7 +272,7 @@ pub struct ExportRequest {
     /// Default apng.
     #[serde(default)]
     pub format: ExportFormat,
-    /// Where the way begins; absent: the session's camera.
+    /// Where a turntable begins; absent: the session's camera.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub camera: Option<Camera>,
 }

@@ -1,4 +1,4 @@
-"""Tyndall's service against trame's remote rendering: one viewer that turns a volume, over a WebSocket on this machine.
+"""Tyndall's service against trame's remote rendering: viewers that turn a volume, over WebSockets on this machine.
 
     python3 -m venv venv && venv/bin/pip install trame trame-rca vtk aiohttp msgpack pillow PyTurboJPEG
     make build && venv/bin/python tests/peers/trame_remote.py --out docs/benchmarks
@@ -6,14 +6,18 @@
 Not part of the test suite. PyTurboJPEG needs libturbojpeg (Debian: libturbojpeg0); without it trame encodes with Pillow,
 which is slower. Both servers are asked alike: a camera every 1/60 s that turns about the volume, for
 SECONDS after a warm-up. Counted are pictures that arrive, their bytes, and for each camera the time until a picture
-arrives that shows it or a newer one. The volume (buckyball, 128 voxels along an edge), transfer function, light and
-viewport (512 x 512) are the same; the step is one voxel.
+arrives that shows it or a newer one. Volume, transfer function, light and viewport are the same; the step is one voxel.
+Two scenes: the buckyball of 128 voxels along an edge at 512 x 512, one viewer; and one with next to nothing to draw,
+a homogeneous box of 8 voxels at 1280 x 720, one viewer and four, each of which turns a view of its own. In Tyndall
+those are viewers of one session of one service. A trame server has one view for all, so that each viewer has a server
+of its own, which uses more of the machine's cores than one would.
 
 trame draws with VTK's CPU ray caster, which beats its GPU mapper where there is no GPU, and sends JPEG by
 trame-rca's scheduler and encoder, as its own widgets do; the camera is set by the interaction message, so that nothing
 is lost to mouse handling. It draws every picture whole. Tyndall shrinks pictures while the camera moves until they come
 in time: the column `pixels` says how many of the viewport's pixels a picture has on average. So a second trame case
-draws at the size that Tyndall chose.
+draws at the size that Tyndall chose. Of several viewers the rows tell pictures a second of the slowest and of all
+together, and latencies of all.
 """
 
 import argparse
@@ -37,7 +41,10 @@ import msgpack
 import vtk_ray_caster as peer
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-SIZE = 512
+BUCKYBALL_SIZE = (512, 512)
+TRIVIAL_SIZE = (1280, 720)
+TRIVIAL_EDGE = 8
+TRIVIAL_VIEWERS = (1, 4)
 SECONDS = 15
 WARM_UP = 4
 INPUTS_PER_SECOND = 60
@@ -45,12 +52,18 @@ TURN = 0.02
 FRAME_HEADER = struct.Struct("<IHBBIIIIfIfHHHHIIIII")
 
 
-def scene_of(binary, folder):
-    """The case both draw: name, voxels, scene."""
-    return next(iter(peer.cases(binary, folder)))
+def cases_of(binary, folder):
+    """The cases both draw, by name: voxels and scene. The service computes the same volumes itself."""
+    buckyball = next(iter(peer.cases(binary, folder)))
+    buckyball.scene["volume"] = {"builtin": "buckyball", "dims": [128] * 3}
+    path = folder / "trivial.nrrd"
+    subprocess.run([binary, "import", f"builtin:homogeneous:{TRIVIAL_EDGE}", "-o", path], check=True, capture_output=True)
+    scene = json.loads((ROOT / "server/scene/scenes/homogeneous.json").read_text())
+    scene["volume"] = {"builtin": "homogeneous", "dims": [TRIVIAL_EDGE] * 3}
+    return {"buckyball": buckyball, "trivial": peer.Case("trivial", peer.read_nrrd(path), scene, (1, 1, 1))}
 
 
-def serve_trame(case, shaded, edge, port):
+def serve_trame(case, shaded, size, port):
     """Runs a trame server until it is killed."""
     from trame.app import get_server
     from trame.ui.html import DivLayout
@@ -58,7 +71,8 @@ def serve_trame(case, shaded, edge, port):
 
     scene = peer.prepared(case.scene, shaded)
     drawn = peer.Vtk(case, scene, shaded)
-    drawn.window.SetSize(edge, edge)
+    width, height = size
+    drawn.window.SetSize(width, height)
     shown = []
 
     class Area:
@@ -73,10 +87,10 @@ def serve_trame(case, shaded, edge, port):
             from vtk.util.numpy_support import vtk_to_numpy
             drawn.window.Render()
             pixels = vtk.vtkUnsignedCharArray()
-            drawn.window.GetRGBACharPixelData(0, 0, edge - 1, edge - 1, 0, pixels)
-            image = np.ascontiguousarray(vtk_to_numpy(pixels).reshape(edge, edge, 4)[::-1])[..., :3]
+            drawn.window.GetRGBACharPixelData(0, 0, width - 1, height - 1, 0, pixels)
+            image = np.ascontiguousarray(vtk_to_numpy(pixels).reshape(height, width, 4)[::-1])[..., :3]
             shown.append(self.seq)
-            return image, edge, edge
+            return image, width, height
 
         def process_resize_event(self, width, height):
             pass
@@ -124,12 +138,15 @@ class Measured:
             self.bytes.append(size)
             self.pixels.append(pixels)
 
-    def row(self, *names):
-        latencies = sorted(self.latencies)
-        at = lambda share: round(latencies[int(share * (len(latencies) - 1))], 1) if latencies else math.nan
-        return [*names, round(len(self.bytes) / SECONDS, 2), at(0.5), at(0.95),
-                round(statistics.mean(self.bytes)) if self.bytes else math.nan,
-                round(statistics.mean(self.pixels)) if self.pixels else math.nan]
+
+def row(viewers, *names):
+    """What so many viewers got, as a row of the table."""
+    latencies = sorted(millis for viewer in viewers for millis in viewer.latencies)
+    at = lambda share: round(latencies[int(share * (len(latencies) - 1))], 1) if latencies else math.nan
+    counts = [len(viewer.bytes) / SECONDS for viewer in viewers]
+    mean = lambda numbers: round(statistics.mean(numbers)) if numbers else math.nan
+    return [*names, len(viewers), round(min(counts), 2), round(sum(counts), 2), at(0.5), at(0.95),
+            mean([size for viewer in viewers for size in viewer.bytes]), mean([size for viewer in viewers for size in viewer.pixels])]
 
 
 async def inputs(measured, send):
@@ -144,7 +161,9 @@ async def inputs(measured, send):
         await asyncio.sleep(max(0.0, due - time.perf_counter()))
 
 
-async def measure_trame(port):
+async def measure_trame(port, size):
+    width, height = size
+
     def message(identifier, method, *arguments):
         body = msgpack.packb({"wslink": "1.0", "id": identifier, "method": method, "args": list(arguments), "kwargs": {}})
         return os.urandom(4) + struct.pack("<II", 0, len(body)) + body
@@ -159,7 +178,7 @@ async def measure_trame(port):
             async def call(method, *arguments):
                 await socket.send_bytes(message(f"rpc:c0:{next(numbers)}", method, *arguments))
 
-            await call("trame.rca.size", "view", "here", {"w": SIZE, "h": SIZE, "p": 1})
+            await call("trame.rca.size", "view", "here", {"w": width, "h": height, "p": 1})
             sender = asyncio.create_task(inputs(measured, lambda seq, angle: call(
                 "trame.rca.event", "view", "here", {"type": "MouseMove", "seq": seq, "angle": angle})))
             pending = {}
@@ -180,21 +199,27 @@ async def measure_trame(port):
                 if not str(decoded.get("id", "")).startswith("publish:trame.rca.topic.stream") or not result["content"]:
                     continue
                 meta = result["meta"]
-                measured.frame(meta["seq"], total + 12, meta.get("w", SIZE) * meta.get("h", SIZE))
+                measured.frame(meta["seq"], total + 12, meta.get("w", width) * meta.get("h", height))
             await sender
     return measured
 
 
-async def measure_tyndall(port, scene):
+async def measure_tyndall(port, scene, size, viewers):
+    base = f"http://127.0.0.1:{port}/api/v1/sessions"
     async with aiohttp.ClientSession() as session:
-        base = f"http://127.0.0.1:{port}/api/v1/sessions"
         async with session.post(base, json={"scene": scene}) as answer:
             created = await answer.json()
             if answer.status != 201:
                 raise RuntimeError(created)
-        async with session.ws_connect(f"{base}/{created['id']}/view", max_msg_size=0) as socket:
+    address = f"{base}/{created['id']}/view"
+    return await asyncio.gather(*(measure_viewer(address, scene, size) for _ in range(viewers)))
+
+
+async def measure_viewer(address, scene, size):
+    async with aiohttp.ClientSession() as session:
+        async with session.ws_connect(address, max_msg_size=0) as socket:
             await socket.send_json({"type": "hello", "protocol": 1})
-            await socket.send_json({"type": "viewport", "seq": 1, "width": SIZE, "height": SIZE, "pixel_ratio": 1})
+            await socket.send_json({"type": "viewport", "seq": 1, "width": size[0], "height": size[1], "pixel_ratio": 1})
             measured = Measured()
             sender = asyncio.create_task(inputs(measured, lambda seq, angle: socket.send_json(
                 {"type": "camera", "seq": seq, "camera": peer.orbit(scene, angle)})))
@@ -215,6 +240,10 @@ async def measure_tyndall(port, scene):
     return measured
 
 
+async def measure_trames(port, size, viewers):
+    return await asyncio.gather(*(measure_trame(port + index, size) for index in range(viewers)))
+
+
 async def until_open(port, process):
     for _ in range(600):
         if process.poll() is not None:
@@ -228,16 +257,53 @@ async def until_open(port, process):
     raise RuntimeError("the server does not listen")
 
 
-def with_server(command, port, measure):
-    process = subprocess.Popen([str(part) for part in command], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+def with_servers(commands, port, measure):
+    """Runs servers on this port and the next ones while something is measured."""
+    processes = [subprocess.Popen([str(part) for part in command], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) for command in commands]
     try:
         async def run():
-            await until_open(port, process)
+            for index, process in enumerate(processes):
+                await until_open(port + index, process)
             return await measure()
         return asyncio.run(run())
     finally:
-        process.terminate()
-        process.wait(20)
+        for process in processes:
+            process.terminate()
+        for process in processes:
+            process.wait(20)
+
+
+class Bench:
+    """Measures cases and keeps their rows."""
+
+    def __init__(self, binary, port, folder):
+        self.binary, self.port, self.folder, self.rows = binary, port, folder, []
+
+    def ours(self, name, scene, size, viewers, shading):
+        data = self.folder / f"data-{name}-{shading}-{viewers}"
+        command = [self.binary, "serve", "--listen", f"127.0.0.1:{self.port}", "--data", data]
+        measured = with_servers([command], self.port, lambda: measure_tyndall(self.port, scene, size, viewers))
+        return self.keep(measured, "Tyndall", name, shading, f"{size[0]} x {size[1]}, smaller while it moves")
+
+    def theirs(self, name, size, viewers, shading):
+        width, height = size
+        serve = lambda index: [sys.executable, __file__, "--binary", self.binary, "--port", self.port + index,
+                               "--serve-trame", name, shading, width, height]
+        measured = with_servers(map(serve, range(viewers)), self.port, lambda: measure_trames(self.port, size, viewers))
+        self.keep(measured, "trame", name, shading, f"{width} x {height}")
+
+    def keep(self, measured, *names):
+        self.rows.append(row(measured, *names))
+        print(*self.rows[-1], flush=True)
+        return self.rows[-1][-1]
+
+    def compare(self, case, name, size, viewers, shading):
+        scene = peer.prepared(case.scene, shading == "shaded")
+        pixels = self.ours(name, scene, size, viewers, shading)
+        self.theirs(name, size, viewers, shading)
+        shrink = math.sqrt(pixels / (size[0] * size[1]))
+        if shrink < 0.95:
+            self.theirs(name, tuple(max(16, round(edge * shrink)) for edge in size), viewers, shading)
 
 
 def main():
@@ -245,37 +311,30 @@ def main():
     arguments.add_argument("--binary", default=ROOT / "target/release/tyndall", type=pathlib.Path)
     arguments.add_argument("--out", default=pathlib.Path("bench-out"), type=pathlib.Path)
     arguments.add_argument("--port", default=8765, type=int)
-    arguments.add_argument("--serve-trame", nargs=2, metavar=("SHADING", "EDGE"), help=argparse.SUPPRESS)
+    arguments.add_argument("--serve-trame", nargs=4, metavar=("CASE", "SHADING", "WIDTH", "HEIGHT"), help=argparse.SUPPRESS)
     arguments = arguments.parse_args()
+    load_at_the_start = os.getloadavg()[0]
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
-        case = scene_of(arguments.binary, folder)
+        cases = cases_of(arguments.binary, folder)
         if arguments.serve_trame:
-            shading, edge = arguments.serve_trame
+            name, shading, width, height = arguments.serve_trame
             # trame reads the command line, too.
             sys.argv = sys.argv[:1]
-            serve_trame(case, shading == "shaded", int(edge), arguments.port)
+            serve_trame(cases[name], shading == "shaded", (int(width), int(height)), arguments.port)
             return
-        rows = []
+        bench = Bench(arguments.binary, arguments.port, folder)
         for shading in ("unshaded", "shaded"):
-            scene = peer.prepared(case.scene, shading == "shaded")
-            # The service computes the same volume itself.
-            scene["volume"] = {"builtin": case.name, "dims": [128, 128, 128]}
-            ours = with_server([arguments.binary, "serve", "--listen", f"127.0.0.1:{arguments.port}", "--data", folder / f"data-{shading}"],
-                               arguments.port, lambda: measure_tyndall(arguments.port, scene))
-            rows.append(ours.row("Tyndall", shading, f"{SIZE} x {SIZE}, smaller while it moves"))
-            print(*rows[-1], flush=True)
-            chosen = max(16, round(math.sqrt(rows[-1][-1])))
-            for edge, size in ((SIZE, f"{SIZE} x {SIZE}"), (chosen, f"{chosen} x {chosen}")):
-                command = [sys.executable, __file__, "--binary", arguments.binary, "--port", arguments.port, "--serve-trame", shading, edge]
-                theirs = with_server(command, arguments.port, lambda: measure_trame(arguments.port))
-                rows.append(theirs.row("trame", shading, size))
-                print(*rows[-1], flush=True)
-    columns = ["server", "shading", "picture", "frames_per_second", "latency_p50_ms", "latency_p95_ms", "bytes_per_frame", "pixels"]
+            bench.compare(cases["buckyball"], "buckyball", BUCKYBALL_SIZE, 1, shading)
+        for viewers in TRIVIAL_VIEWERS:
+            bench.compare(cases["trivial"], "trivial", TRIVIAL_SIZE, viewers, "unshaded")
+        rows = bench.rows
+    columns = ["server", "scene", "shading", "picture", "viewers", "frames_per_second_slowest", "frames_per_second_all", "latency_p50_ms", "latency_p95_ms", "bytes_per_frame", "pixels"]
     doctor = subprocess.run([arguments.binary, "doctor"], capture_output=True, text=True).stdout.splitlines()
     import importlib.metadata as packages
     about = {"device": next((line.removeprefix("GPU: ") for line in doctor if line.startswith("GPU: ")), ""),
              "machine": f"{os.cpu_count()} cores, {platform.machine()}", "seconds": SECONDS, "inputs_per_second": INPUTS_PER_SECOND,
+             "load_average": [round(load_at_the_start, 1), round(os.getloadavg()[0], 1)],
              **{name: packages.version(name) for name in ("trame", "trame-rca", "vtk")}}
     arguments.out.mkdir(parents=True, exist_ok=True)
     with open(arguments.out / "trame.csv", "w", newline="") as file:

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
+use proto::plan::StaleShares;
 use proto::scene_file::Method;
 use scene::Snapshot;
 use scene::plan::LightState;
@@ -16,6 +17,7 @@ use crate::gpu::Gpu;
 use crate::image_based::{self, ImageBased};
 use crate::light_field::LightField;
 use crate::photon_map::{PhotonMap, PhotonPipelines};
+use crate::stale_shares;
 use crate::view::{EnvironmentTables, LightTables, TransferFunctionTables};
 use crate::volume_texture::VolumeTexture;
 
@@ -96,6 +98,8 @@ pub(crate) struct Illumination {
     progress: Option<Progress>,
     /// Counts the states of the field.
     version: u64,
+    /// What edits would make stale, and of which version.
+    stale_shares: Option<(u64, StaleShares)>,
 }
 
 impl Illumination {
@@ -157,6 +161,20 @@ impl Illumination {
 
     pub fn field(&self) -> Option<&LightField> {
         self.lit.as_ref().and_then(|(_, lit)| lit.field())
+    }
+
+    /// What edits would make stale, once the light is complete, where the method remembers. It is read
+    /// back once for each state of the light.
+    pub fn stale_shares(&mut self, gpu: &Gpu) -> Result<Option<StaleShares>, RenderError> {
+        let Some((_, Lit::PhotonMap(map))) = self.lit.as_ref().filter(|_| self.is_complete()) else {
+            return Ok(None);
+        };
+        if let Some((_, known)) = self.stale_shares.as_ref().filter(|(of, _)| *of == self.version) {
+            return Ok(Some(known.clone()));
+        }
+        let shares = stale_shares::of_masks("photons", &map.bins_relied_on(gpu)?);
+        self.stale_shares = shares.clone().map(|shares| (self.version, shares));
+        Ok(shares)
     }
 
     pub fn bytes(&self) -> u64 {

@@ -24,6 +24,7 @@ mod renderer;
 mod sampler_tests;
 mod segments;
 pub mod shaders;
+mod stale_shares;
 pub mod still;
 mod tables;
 pub mod uniforms;

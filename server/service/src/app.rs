@@ -126,7 +126,7 @@ impl App {
         &self.environments
     }
 
-    /// Turntables, drawn and under way.
+    /// Turntables and films, drawn and under way.
     pub fn exports(&self) -> &Exports {
         &self.exports
     }

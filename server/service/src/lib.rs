@@ -6,7 +6,7 @@
 //! Rooms: [`config`] (settings, limits), [`problem`] (errors as RFC 9457), [`origin`] (who may use
 //! the service from a browser), [`datasets`] (catalog, storage, uploads, volumes in memory),
 //! [`environments`] (light from all
-//! directions), [`exports`] (turntables), [`sessions`] (scenes and their edits), [`viewer`] (WebSocket), [`render_thread`] (who draws
+//! directions), [`exports`] (turntables and films), [`sessions`] (scenes and their edits), [`viewer`] (WebSocket), [`render_thread`] (who draws
 //! when), [`encode`] (pixels to bytes), [`metrics`], [`openapi`], [`web`] (the page).
 //!
 //! Invariants: no lock is held across an await (a lint denies it); more than half a millisecond of

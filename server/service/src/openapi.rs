@@ -32,7 +32,7 @@ use crate::{datasets, environments, exports, sessions, viewer};
         (name = "environments", description = "Light from all directions"),
         (name = "uploads", description = "Uploads that go on after a break (tus 1.0.0)"),
         (name = "sessions", description = "Scenes being explored"),
-        (name = "exports", description = "Turntables: pictures of a camera that goes around, as one file"),
+        (name = "exports", description = "Turntables and films: pictures of a camera that goes around, or through views, as one file"),
     )
 )]
 struct Document;

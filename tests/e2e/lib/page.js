@@ -22,7 +22,7 @@ export class Visitor {
   sent = 0;
   /** Pictures received. */
   frames = 0;
-  /** What drawing and encoding each picture took, by its number; of the frame header (`proto/src/frame.rs`). */
+  /** The input that each picture shows, and what waiting, drawing and encoding took, by its number; of the frame header (`proto/src/frame.rs`). */
   headers = new Map();
   /** Reports received: what was done for each picture. */
   reports = [];
@@ -51,7 +51,9 @@ export class Visitor {
       socket.on("framereceived", ({ payload }) => {
         if (typeof payload !== "string") {
           this.frames += 1;
-          this.headers.set(payload.readUInt32LE(8), { render_micros: payload.readUInt32LE(52), encode_micros: payload.readUInt32LE(56) });
+          this.headers.set(payload.readUInt32LE(8), {
+            seq: payload.readUInt32LE(12), queue_micros: payload.readUInt32LE(48), render_micros: payload.readUInt32LE(52), encode_micros: payload.readUInt32LE(56),
+          });
           return;
         }
         const { type, report } = JSON.parse(payload);

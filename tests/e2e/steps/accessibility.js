@@ -67,6 +67,11 @@ const states = {
     await visitor.at("turntable-open").click();
     await visitor.at("turntable-begin").waitFor();
   },
+  film: async (visitor) => {
+    await visitor.at("turntable-kind").getByText("Through saved views").click();
+    await visitor.at("film-add").click();
+    await visitor.at("film-view-1").waitFor();
+  },
   gallery: async (visitor) => {
     await visitor.key("Escape");
     await visitor.at("gallery-open").click();

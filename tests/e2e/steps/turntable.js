@@ -76,4 +76,56 @@ export function turntableSteps() {
     await visitor.picture();
     assert.deepEqual(visitor.complaints.filter((text) => !/404/.test(text)), []);
   });
+
+  step("film: views kept, put in order, timed, drawn; its ends are the views", async (arrive) => {
+    const visitor = await arrive({ hash: await sessionOf(await theLetter()), width: 1100, height: 800 });
+    await visitor.picture();
+    await visitor.key("v");
+    await visitor.key("ArrowRight");
+    await visitor.key("ArrowRight");
+    await visitor.picture();
+    await visitor.key("v");
+    await visitor.key("2");
+    await visitor.picture();
+    await visitor.key("t");
+    await visitor.at("film-add").click();
+    await until("pictures of the views", FINAL_MILLIS, async () => (await visitor.page.locator("[data-testid=turntable-picture][data-drawn=true]").count()) === 3);
+
+    // The last view first, and the one that was first not at all.
+    await visitor.at("film-up-3").click();
+    await visitor.at("film-up-2").click();
+    await visitor.at("film-remove-2").click();
+    assert.equal(await visitor.page.locator("[data-testid=film-views] > li").count(), 2);
+    await visitor.at("film-seconds-2").fill("0.5");
+    for (const [field, number] of [["rate", 8], ["width", 96], ["height", 64], ["samples", 1]]) await type(visitor, field, number);
+    assert.match(await visitor.at("turntable-words").innerText(), /5 pictures of 96 × 64 in 0.5 s/);
+    const [asked] = await Promise.all([
+      visitor.page.waitForRequest((request) => request.method() === "POST" && request.url().endsWith("/exports")),
+      visitor.at("turntable-begin").click(),
+    ]);
+    const { keys } = asked.postDataJSON();
+    assert.deepEqual(keys.map(({ seconds }) => seconds), [0, 0.5]);
+    await until("the film is done", FINAL_MILLIS, async () => (await visitor.data("turntable-job", "state")) === "done");
+    const [download] = await Promise.all([visitor.page.waitForEvent("download"), visitor.at("turntable-download").click()]);
+    assert.match(download.suggestedFilename(), /^letter.*film\.png$/);
+    const png = await readFile(await download.path());
+    assert.equal(chunksOf(png).filter(([name]) => name === "fcTL").length, 5);
+
+    // It begins with the view that is on screen, as the service draws it.
+    const { scene } = await world.server.json("GET", `sessions/${visitor.session()}`);
+    const copy = await world.server.json("POST", "sessions", { scene: { ...scene, camera: keys[0].camera, sampling: { ...scene.sampling, samples_per_pixel: 1 } } });
+    const still = pictureFromPng(await (await fetch(`${world.server.origin}/api/v1/sessions/${copy.id}/snapshot?width=96&height=64`)).arrayBuffer());
+    assert.equal(difference(pictureFromPng(png), still).most, 0);
+
+    // Views outlast a reload.
+    await visitor.page.reload();
+    await visitor.picture();
+    await visitor.key("v");
+    await visitor.key("t");
+    await visitor.at("film-view-3").waitFor();
+    await visitor.at("film-go-2").click();
+    await visitor.at("film-views").waitFor({ state: "detached" });
+    await visitor.picture();
+    assert.deepEqual(visitor.complaints, []);
+  });
 }

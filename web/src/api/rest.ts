@@ -137,7 +137,7 @@ export async function getSnapshot(id: string, width: number, height: number): Pr
   return response.blob();
 }
 
-/** Begins to draw a turntable of the session's scene. */
+/** Begins to draw a turntable or a film of the session's scene. */
 export async function postExport(id: string, request: ExportRequest): Promise<Export> {
   return (await (await postJson(`/sessions/${segment(id)}/exports`, request)).json()) as Export;
 }

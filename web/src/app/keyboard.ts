@@ -3,11 +3,12 @@
 import { stepSlice } from "../quality/slicing";
 import { session } from "../session/engine";
 import { isWatching, useSession } from "../session/store";
+import { keepView } from "../turntable/savedViews";
 import { pivotAtMiddle, toggleMeasuring } from "../viewport/probing";
 import { moveWindow, toggleWindowing, useWindowing } from "../viewport/windowing";
 import { lookAtNumber, resetView, toggleFullScreen, turn, zoomStep } from "../viewport/actions";
 import { saveStill } from "./files";
-import { sayError } from "./say";
+import { say, sayError } from "./say";
 import { useUi } from "./uiStore";
 
 interface Binding {
@@ -33,6 +34,14 @@ function arrow(x: number, y: number): void {
   else turn(x, y);
 }
 
+/** Keeps the view on screen, and says so. */
+function keepForFilm(): void {
+  if (!useSession.getState().scene) return;
+  const count = keepView();
+  useUi.setState({ filmChosen: true });
+  say(`${count === 1 ? "One view is" : `${count} views are`} kept for a film: T shows them.`);
+}
+
 export const bindings: readonly Binding[] = [
   { keys: ["ArrowLeft"], shown: "←", does: "Turn left", run: () => arrow(-1, 0) },
   { keys: ["ArrowRight"], shown: "→", does: "Turn right", run: () => arrow(1, 0) },
@@ -47,7 +56,8 @@ export const bindings: readonly Binding[] = [
   { keys: ["p"], shown: "P", does: "Pivot on what is in the middle", run: () => void pivotAtMiddle() },
   { keys: ["f"], shown: "F", does: "Full screen", run: () => void toggleFullScreen().catch(sayError) },
   { keys: ["s"], shown: "S", does: "Save a still as PNG", run: () => void saveStill() },
-  { keys: ["t"], shown: "T", does: "Turntable: a camera that goes around, as a file", run: () => void useUi.setState(({ turntableOpen }) => ({ turntableOpen: !turntableOpen })) },
+  { keys: ["t"], shown: "T", does: "Turntable or film: a camera that moves, as a file", run: () => void useUi.setState(({ turntableOpen }) => ({ turntableOpen: !turntableOpen })) },
+  { keys: ["v"], shown: "V", does: "Keep this view for a film", run: keepForFilm },
   { keys: ["m"], shown: "M", does: "Measure a distance: press two places", run: toggleMeasuring },
   { edits: true, keys: ["w"], shown: "W", does: "Window and level: drag in the picture, or arrow keys", run: toggleWindowing },
   { edits: true, keys: ["c"], shown: "C", does: "Handles of the clip box and planes", run: () => void useUi.setState((ui) => ({ clipHandles: !ui.clipHandles })) },

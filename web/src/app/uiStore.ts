@@ -34,6 +34,8 @@ interface Passing {
   helpOpen: boolean;
   galleryOpen: boolean;
   turntableOpen: boolean;
+  /** The dialog is about a film through saved views, not about a turntable. */
+  filmChosen: boolean;
   /** Points of the transfer function, ascending. */
   selectedPoints: readonly number[];
   /** Clip box and planes are pulled in the picture. */
@@ -72,6 +74,7 @@ export const useUi = create<Kept & Passing & Actions>()(
       helpOpen: false,
       galleryOpen: false,
       turntableOpen: false,
+      filmChosen: false,
       selectedPoints: [],
       selectedLight: null,
       sideEffect: null,

@@ -696,6 +696,20 @@ millis: number,
  */
 device_millis?: number, };
 
+export type StaleShares = { 
+/**
+ * What is counted: `photons` or `tiles`.
+ */
+what: string, 
+/**
+ * How many were counted: all of them, or of many the first ones of each light.
+ */
+counted: number, 
+/**
+ * Of each of the 64 bins, in the order of their values, the share that relied on it, 0..1.
+ */
+of_bins: Array<number>, };
+
 export type FrameReport = { 
 /**
  * What changed since the picture before, in words; empty if nothing.
@@ -716,7 +730,11 @@ counters: Record<string, number>,
 /**
  * GPU memory in use, bytes, by owner.
  */
-gpu_bytes: Record<string, number>, };
+gpu_bytes: Record<string, number>, 
+/**
+ * What edits would make stale; with final pictures of methods that keep it.
+ */
+stale_shares?: StaleShares, };
 
 export type Problem = { 
 /**
@@ -976,6 +994,16 @@ height: number, };
 
 export type ExportFormat = "apng" | "zip";
 
+export type CameraKey = { 
+/**
+ * When, seconds, 0 to 3600; at least 0.01 after the view before.
+ */
+seconds: number, 
+/**
+ * The view.
+ */
+camera: Camera, };
+
 export type ExportRequest = { 
 /**
  * Width of the pictures, pixels.
@@ -990,9 +1018,17 @@ height: number,
  */
 frames: number, 
 /**
- * Turns about the camera's upright axis, -10 to 10; positive ones are right-handed about it.
+ * Turntable: turns about the camera's upright axis, -10 to 10; positive ones are right-handed
+ * about it.
  */
-turns: number, 
+turns?: number, 
+/**
+ * Film: 2 to 64 views of one projection, in the order of their times. The first picture shows
+ * the first view, the last one the last, and the others stand evenly in time between. From view
+ * to view the camera takes the shorter rotation, and its velocity is continuous; it starts and
+ * ends at rest.
+ */
+keys?: Array<CameraKey>, 
 /**
  * Pictures a second, 1 to 60, where the format tells.
  */
@@ -1006,7 +1042,7 @@ samples?: number,
  */
 format: ExportFormat, 
 /**
- * Where the way begins; absent: the session's camera.
+ * Where a turntable begins; absent: the session's camera.
  */
 camera?: Camera, };
 

@@ -8,7 +8,7 @@
 
 import * as rest from "../api/rest";
 import {
-  PROTOCOL_VERSION, type Camera, type CreateSession, type FrameHeader, type SceneFile, type ServerMessage,
+  PROTOCOL_VERSION, decodeFrameHeader, type Camera, type CreateSession, type FrameHeader, type SceneFile, type ServerMessage,
 } from "../generated/proto";
 import { deepEqual, type Patch } from "../scene/mergePatch";
 import { forAspect } from "../viewport/camera";
@@ -17,6 +17,7 @@ import { Connection } from "./connection";
 import { EditLog } from "./edits";
 import { FrameReceiver } from "./frames";
 import { Inputs, type ViewportSize } from "./inputs";
+import { EditMeter } from "./editWork";
 import { Meters } from "./meters";
 import { rememberSession } from "./ownSessions";
 import { decodeScene, parseAddress, sessionAddress } from "./shareLink";
@@ -53,6 +54,7 @@ class Engine {
   private cameras: CameraTrail | null = null;
   private readonly volume = new VolumeFacts();
   private readonly meters = new Meters();
+  private readonly editMeter = new EditMeter();
   private receiver: FrameReceiver<ImageBitmap> | null = null;
   /** The server has greeted this connection: inputs may be sent. */
   private welcomed = false;
@@ -74,7 +76,10 @@ class Engine {
   });
   private readonly inputs = new Inputs({
     scene: () => (this.welcomed ? this.sync : null),
-    send: (message) => this.connection.send(message),
+    send: (message) => {
+      if (message.type === "patch") this.editMeter.sent(message.seq, performance.now());
+      this.connection.send(message);
+    },
     numbered: (seq) => this.numbered(seq),
     cameraSent: (seq, camera) => this.cameras?.sent(seq, camera),
   });
@@ -277,7 +282,7 @@ class Engine {
     this.edits = new EditLog();
     this.volume.forget();
     set({
-      sessionId: id, role: "editor", link: "connecting", retryAt: null, startCamera: null, startFits: false, report: null, changeReport: null, pictureReport: null,
+      sessionId: id, role: "editor", link: "connecting", retryAt: null, startCamera: null, startFits: false, report: null, changeReport: null, pictureReport: null, staleShares: null, editWork: null,
       awaitingPicture: true, progress: null, notice: null, settled: false, failure: null, fieldError: null, canUndo: false, canRedo: false,
       scene: scene ?? useSession.getState().scene,
     });
@@ -288,6 +293,7 @@ class Engine {
     this.receiver = null;
     this.welcomed = false;
     this.meters.disconnected();
+    this.editMeter.forget();
   }
 
   /** The session is gone: opens one like it from the scene on screen. */
@@ -328,6 +334,8 @@ class Engine {
       case "scene":
         this.sync?.receive(message.seq, message.scene);
         this.volume.scene(message.scene.volume, message.shown);
+        // Another volume has other bins.
+        if (!deepEqual(message.scene.volume, useSession.getState().scene?.volume)) set({ staleShares: null });
         this.publishScene();
         break;
       case "rejected":
@@ -335,6 +343,8 @@ class Engine {
         break;
       case "report":
         set(reported(message.report));
+        this.editMeter.reported(message.frame, message.report);
+        set({ editWork: this.editMeter.read() });
         break;
       case "progress":
         set({ progress: message.fraction >= 1 ? null : { activity: message.activity, fraction: message.fraction } });
@@ -397,6 +407,8 @@ class Engine {
 
   private takeFrame(buffer: ArrayBuffer): void {
     this.meters.frameArrived(buffer.byteLength, performance.now());
+    const header = decodeFrameHeader(buffer);
+    if (header) this.editMeter.arrived(header);
     this.receiver ??= new FrameReceiver<ImageBitmap>({
       decode: (payload) => createImageBitmap(payload, { colorSpaceConversion: "none" }),
       show: (picture, header) => this.showFrame(picture, header),
@@ -410,8 +422,9 @@ class Engine {
   private showFrame(picture: ImageBitmap, header: FrameHeader): void {
     this.screen?.show(picture, header);
     this.meters.frameShown(header.seq, performance.now());
+    this.editMeter.shown(header, performance.now());
     this.cameras?.shown(header.seq);
-    set({ frame: header, awaitingPicture: false, progress: null });
+    set({ frame: header, awaitingPicture: false, progress: null, editWork: this.editMeter.read() });
   }
 
   private numbered(seq: number): void {

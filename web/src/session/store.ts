@@ -3,8 +3,9 @@
 import { create } from "zustand";
 import {
   FLAG_FINAL, FLAG_MOVING, type Camera, type Dataset, type DeviceInfo, type FrameHeader, type FrameReport, type Histogram,
-  type Role, type SceneFile, type ShownVolume, type Status,
+  type Role, type SceneFile, type ShownVolume, type StaleShares, type Status,
 } from "../generated/proto";
+import type { EditWork } from "./editWork";
 import type { Readings } from "./meters";
 
 /** State of the connection to the session. */
@@ -60,6 +61,10 @@ export interface SessionState {
   changeReport: FrameReport | null;
   /** The newest report that came with a picture: a change that cannot be seen needs none. */
   pictureReport: FrameReport | null;
+  /** What edits would make stale, of the newest final picture whose method remembers it. */
+  staleShares: StaleShares | null;
+  /** What became of this page's newest edit. */
+  editWork: EditWork | null;
   /** A long step under way on the server. */
   progress: { activity: string; fraction: number } | null;
   /** No input has been sent for a moment. */
@@ -93,6 +98,8 @@ export const useSession = create<SessionState>(() => ({
   report: null,
   changeReport: null,
   pictureReport: null,
+  staleShares: null,
+  editWork: null,
   progress: null,
   atRest: true,
   notice: null,
@@ -110,6 +117,7 @@ export function reported(report: FrameReport): Partial<SessionState> {
     report,
     ...(report.changes.length > 0 ? { changeReport: report } : {}),
     ...(report.stages.length > 0 ? { pictureReport: report } : {}),
+    ...(report.stale_shares ? { staleShares: report.stale_shares } : {}),
   };
 }
 

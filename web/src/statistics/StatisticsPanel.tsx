@@ -6,7 +6,7 @@ import { formatBytes } from "../datasets/format";
 import type { FrameHeader, FrameReport } from "../generated/proto";
 import { samplesAtRest } from "../quality/methods";
 import { pictureState, useSession } from "../session/store";
-import { formatCount, headline, passesRun, stageTime, stateInWords, words } from "./figures";
+import { editRows, formatCount, headline, passesRun, stageTime, stateInWords, words } from "./figures";
 
 export function StatisticsPanel() {
   const report = useSession((state) => state.report);
@@ -14,6 +14,7 @@ export function StatisticsPanel() {
   const picture = useSession((state) => state.pictureReport);
   const frame = useSession((session) => session.frame);
   const samples = useSession((session) => (session.scene ? samplesAtRest(session.scene) : 1));
+  const edit = useSession((session) => session.editWork);
   const state = stateInWords(useSession(pictureState), frame, samples);
   return (
     <aside className="statistics" data-testid="statistics">
@@ -24,6 +25,10 @@ export function StatisticsPanel() {
       </header>
       <div className="statistics-columns">
         <section>
+          {edit && <>
+            <h3>What became of the last edit</h3>
+            <Table rows={editRows(edit)} testId="edit-work" />
+          </>}
           <h3>{change ? "What the last change made run" : "What ran for this picture"}</h3>
           {report ? <Plan report={change ?? report} /> : <p className="hint">The first report comes with the next picture.</p>}
         </section>

@@ -3,14 +3,16 @@
 import { useUi } from "../app/uiStore";
 import { samplesAtRest } from "../quality/methods";
 import { pictureState, useSession, type PictureState } from "../session/store";
-import { reusedShare, skippedShare, stateInWords } from "./figures";
+import { editTimes, keptShare, lightPercent, reusedShare, skippedShare, stateInWords } from "./figures";
 
 export function StatusLine() {
   const state = useSession(pictureState);
   const frame = useSession((session) => session.frame);
   const samples = useSession((session) => (session.scene ? samplesAtRest(session.scene) : 1));
   const skipped = useSession((session) => skippedShare(session.pictureReport));
-  const reused = useSession((session) => reusedShare(session.pictureReport));
+  const reused = useSession((session) => keptShare(session.editWork) ?? reusedShare(session.pictureReport));
+  const edit = useSession((session) => editTimes(session.editWork));
+  const light = lightPercent(frame);
   const software = useSession((session) => session.device?.software ?? session.status?.device.software ?? false);
   const { latencyMillis, framesPerSecond, megabitsPerSecond } = useSession((session) => session.readings);
   const open = useUi((ui) => ui.statisticsOpen);
@@ -21,10 +23,12 @@ export function StatusLine() {
       {software && <span className="status-software" data-testid="status-software" title="No GPU: a software device draws, at reduced resolution while moving">software device</span>}
       {/* Most important first: what has no room goes to a second row, which is not seen. */}
       <span className="status-figures">
+        {light !== null && <Figure label="light" hint="Share of the light that is that of the scene: the rest follows" value={`${light} %`} width={72} testId="status-light" />}
         {error !== null && <Figure label="error" hint="Standard error of the picture: it falls as paths are added" value={`${(error * 100).toFixed(1)} %`} width={88} testId="status-error" />}
         <Figure label="input to picture" hint="Time from what you do to the picture that shows it; median of the last inputs" value={latencyMillis === null ? "–" : `${Math.round(latencyMillis)} ms`} width={150} testId="status-latency" />
+        {edit !== "–" && <Figure label="edit" hint="Time from the newest edit to its first picture, and to its final one" value={edit} width={128} testId="status-edit" />}
         <Figure label="samples skipped" hint="Share of the samples on view rays that lie in empty space and cost nothing" value={skipped === null ? "–" : `${Math.round(skipped * 100)} %`} width={138} testId="status-skipped" />
-        <Figure label="reused" hint="Share of the picture's pieces (of view rays, or tiles) that the last edit of matter left as they were" value={reused === null ? "–" : `${Math.round(reused * 100)} %`} width={86} testId="status-reused" />
+        <Figure label="reused" hint="Share of what is kept (photons, tiles, or pieces of view rays) that the last edit left as it was" value={reused === null ? "–" : `${Math.round(reused * 100)} %`} width={86} testId="status-reused" />
         <Figure label="" hint="Pixels of the picture on screen" value={frame ? `${frame.width} × ${frame.height}` : "–"} width={84} testId="status-resolution" />
         <Figure label="Mbit/s" hint="Received in the last seconds" value={megabitsPerSecond.toFixed(1)} width={78} testId="status-bandwidth" />
         <Figure label="fps" hint="Pictures per second, in the last seconds" value={framesPerSecond.toFixed(0)} width={46} testId="status-fps" />

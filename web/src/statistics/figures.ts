@@ -1,6 +1,7 @@
 /** Figures of the status line and the statistics, from headers and reports. */
 
 import type { FrameHeader, FrameReport, StageTime } from "../generated/proto";
+import type { EditWork } from "../session/editWork";
 import type { PictureState } from "../session/store";
 
 /** The state of the picture in words. */
@@ -30,6 +31,35 @@ export function reusedShare(report: FrameReport | null): number | null {
   if (reused === undefined || redone === undefined || reused + redone === 0) return null;
   return reused / (reused + redone);
 }
+
+/** The newest edit's times on screen: its first picture and its final one, or as far as they are there. */
+export function editTimes(work: EditWork | null): string {
+  if (!work || work.firstMillis === null) return "–";
+  return `${millisInWords(work.firstMillis)} / ${work.finalMillis === null ? "…" : millisInWords(work.finalMillis)}`;
+}
+
+const millisInWords = (millis: number): string => (millis < 1000 ? `${Math.round(millis)} ms` : `${(millis / 1000).toPrecision(3)} s`);
+
+/** Share of what was kept that the newest edit left as it was: of light if it is kept, else of the picture; null where nothing is. */
+export function keptShare(work: EditWork | null): number | null {
+  const [first] = work?.kinds ?? [];
+  return first ? first.reused / Math.max(1, first.reused + first.redone) : null;
+}
+
+/** What became of the newest edit, in rows. */
+export function editRows({ firstMillis, litMillis, finalMillis, completeness, kinds }: EditWork): [string, string][] {
+  const time = (millis: number | null, waiting: string): string => (millis === null ? waiting : millisInWords(millis));
+  return [
+    ["first picture", time(firstMillis, "on its way")],
+    ["all of the light", time(litMillis, `${Math.floor(completeness * 100)} % of it`)],
+    ["final picture", time(finalMillis, "on its way")],
+    ...kinds.map(({ name, redone, reused }): [string, string] => [name, `${formatCount(redone)} redone, ${formatCount(reused)} reused`]),
+  ];
+}
+
+/** How much of the light is that of the scene on screen; null when all of it is. */
+export const lightPercent = (frame: Pick<FrameHeader, "illumination_completeness"> | null): number | null =>
+  frame && frame.illumination_completeness < 1 ? Math.floor(frame.illumination_completeness * 100) : null;
 
 /** What the statistics put first: what the last change was, or why the first picture was drawn. */
 export function headline(change: FrameReport | null, newest: FrameReport | null): string {

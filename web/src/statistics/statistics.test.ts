@@ -1,7 +1,7 @@
 import { describe, expect, it } from "vitest";
 import type { FrameHeader, FrameReport, Illumination, Light, Method } from "../generated/proto";
 import { shortcoming, whyNotMixed, withoutEffect } from "../quality/methods";
-import { formatCount, headline, passesRun, reusedShare, skippedShare, stageTime, stateInWords } from "./figures";
+import { editRows, editTimes, formatCount, headline, keptShare, lightPercent, passesRun, reusedShare, skippedShare, stageTime, stateInWords } from "./figures";
 
 const illumination = (method: Method): Illumination => ({ method, paths_per_pixel: 256, max_error: 0, longest_path: 100000, light_layers: false, light_grid: 0.5, light_bands: 3, transport: "characteristics", explicit_steps: 5, diffusion: "p1", heat_spread: 0.05, max_residual: 0.001, photons: 65536, photon_events: 16, photon_grid: 48, photon_bands: 3, direct_grid: 64, records: 32, record_directions: 48, record_bands: 3, record_form: "product", record_lookup: "trilinear", record_window: false });
 const frame = { samples_per_pixel: 3, width: 640, height: 360, viewport_width: 640, viewport_height: 360 } as FrameHeader;
@@ -29,6 +29,18 @@ describe("the status line", () => {
     expect(reusedShare(report({ samples_taken: 25 }))).toBeNull();
     expect(reusedShare(report({ tiles_reused: 1, tiles_recomputed: 3 }))).toBe(0.25);
     expect(reusedShare(null)).toBeNull();
+  });
+
+  it("tells what became of the newest edit", () => {
+    const work = { seq: 3, firstMillis: 48.4, litMillis: null, finalMillis: null, completeness: 0.429, kinds: [{ name: "photons", redone: 1500, reused: 4500 }] };
+    expect(editTimes(null)).toBe("–");
+    expect(editTimes({ ...work, firstMillis: null })).toBe("–");
+    expect(editTimes(work)).toBe("48 ms / …");
+    expect(editTimes({ ...work, finalMillis: 1234 })).toBe("48 ms / 1.23 s");
+    expect(keptShare(work)).toBe(0.75);
+    expect(keptShare({ ...work, kinds: [] })).toBeNull();
+    expect(editRows(work)).toEqual([["first picture", "48 ms"], ["all of the light", "42 % of it"], ["final picture", "on its way"], ["photons", "1.50 k redone, 4.50 k reused"]]);
+    expect([1, 0.999, 0].map((illumination_completeness) => lightPercent({ illumination_completeness }))).toEqual([null, 99, 0]);
   });
 
   it("writes counts short", () => {

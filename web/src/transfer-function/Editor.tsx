@@ -5,9 +5,11 @@ import { useCallback, useEffect, useId, useMemo, useRef, useState } from "react"
 import { useUi } from "../app/uiStore";
 import type { Histogram, TransferFunctionPoint } from "../generated/proto";
 import { hexFromLinear } from "../scene/colour";
+import { useSession } from "../session/store";
 import { select, setPoints } from "./curve";
 import { CurvePoints } from "./CurvePoints";
 import { EditCost } from "./EditCost";
+import { sharesOf } from "./editCost";
 import { areaUnder, bandPath, ceilingFor, columnsPath, curvePath, opacityAtY, sAt, xOf, type Plot } from "./geometry";
 import { addPoint, opacityAtValue } from "./points";
 import { useCurveDrag } from "./useCurveDrag";
@@ -38,6 +40,7 @@ export function Editor({ points, histogram, shown, range, whole, onNumbers }: {
   /** Exact numbers of the selected point are wanted. */
   onNumbers: () => void;
 }) {
+  const stale = useSession(({ scene, staleShares }) => sharesOf(scene?.illumination.method, staleShares));
   const { ref: frame, width } = useElementSize<HTMLDivElement>();
   const svg = useRef<SVGSVGElement>(null);
   const [window, setWindow] = useState<Range>([0, 1]);
@@ -147,7 +150,7 @@ export function Editor({ points, histogram, shown, range, whole, onNumbers }: {
           <path className="tf-curve-edge" d={curve} />
           <path className="tf-curve" d={curve} />
         </g>
-        {histogram && width > 0 && <EditCost plot={plot} y={PLOT_HEIGHT + COST_GAP} height={COST_HEIGHT} histogram={histogram} range={range} whole={whole} pointerX={pointer?.x ?? null} />}
+        {histogram && width > 0 && <EditCost plot={plot} y={PLOT_HEIGHT + COST_GAP} height={COST_HEIGHT} histogram={histogram} stale={stale} range={range} whole={whole} pointerX={pointer?.x ?? null} />}
         <ValueAxis plot={plot} width={width} range={range} />
         {ceiling < 1 && <text className="tf-ceiling" x={plot.left + 4} y={plot.top + 11} data-testid="tf-ceiling">opacity to {formatValue(ceiling)}</text>}
         <CurvePoints plot={plot} points={points} range={range} whole={whole} drag={drag} onFocus={keys.focus} onKeyDown={keys.onPoint} onMenu={(index) => {

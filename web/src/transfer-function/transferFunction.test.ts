@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { MAX_OPACITY, type Histogram, type SceneFile, type TransferFunctionPoint, type VoxelType } from "../generated/proto";
-import { costBins, costRuns, shareInWords } from "./editCost";
+import { costBins, costInWords, costRuns, sharesOf, stripInWords } from "./editCost";
 import { regionOf } from "./inView";
 import { ceilingAbove, extinctionFromOpacity, heightOf, inUnit, opacityAt, opacityFromExtinction, withOpacity } from "./opacity";
 import { PictureCache, pictureKey } from "./pictures";
@@ -257,25 +257,41 @@ describe("the cost of an edit", () => {
   const labels: Histogram = { value_range: [0, 9], counts: [], bin_edges: edges, bin_shares: shares };
 
   it("is that of the bins a column touches, the largest of them", () => {
-    const bins = costBins(labels);
+    const bins = costBins(labels, null);
     expect(bins.map(({ low, high }) => [low, high])).toEqual([[0, 0.5], [0.5, 5], [5, 9], [9, 9]]);
-    expect(costRuns(bins, [0, 9], 9)).toEqual([{ from: 0, to: 1, share: 0.8 }, { from: 1, to: 9, share: 0.3 }]);
+    expect(costRuns(bins, [0, 9], 9)).toEqual([{ from: 0, to: 1, share: 0.8, ofVolume: 0.8 }, { from: 1, to: 9, share: 0.3, ofVolume: 0.3 }]);
     // Only the last value is in the last column of a window that begins beyond its neighbours.
-    expect(costRuns(bins, [8, 10], 2)).toEqual([{ from: 0, to: 1, share: 0.3 }, { from: 1, to: 2, share: 0.02 }]);
+    expect(costRuns(bins, [8, 10], 2)).toEqual([{ from: 0, to: 1, share: 0.3, ofVolume: 0.3 }, { from: 1, to: 2, share: 0.02, ofVolume: 0.02 }]);
   });
 
   it("is nothing beyond the data", () => {
-    const runs = costRuns(costBins(labels), [-9, 18], 27);
+    const runs = costRuns(costBins(labels, null), [-9, 18], 27);
     expect(runs.map(({ from, share }) => [from, share])).toEqual([[0, 0], [9, 0.8], [10, 0.3], [18, 0.02], [19, 0]]);
   });
 
   it("is said in words", () => {
-    expect(shareInWords(0)).toBe("nothing");
-    expect(shareInWords(0.0004)).toBe("less than 0.1 % of the volume");
-    expect(shareInWords(0.0123)).toBe("1.2 % of the volume");
-    expect(shareInWords(0.12)).toBe("12 % of the volume");
-    expect(shareInWords(0.999)).toBe("99 % of the volume");
-    expect(shareInWords(1)).toBe("the whole volume");
+    const ofVolume = (share: number): string => costInWords({ share, ofVolume: share }, null);
+    expect(ofVolume(0)).toBe("touches nothing");
+    expect(ofVolume(0.0004)).toBe("touches less than 0.1 % of the volume");
+    expect(ofVolume(0.0123)).toBe("touches 1.2 % of the volume");
+    expect(ofVolume(0.12)).toBe("touches 12 % of the volume");
+    expect(ofVolume(0.999)).toBe("touches 99 % of the volume");
+    expect(ofVolume(1)).toBe("touches all of the volume");
+    expect(stripInWords(null)).toMatch(/volume/);
+  });
+
+  it("is that of what is kept, where that is known", () => {
+    const photons = { what: "photons", counted: 4096, of_bins: [1, 0.5, ...Array.from({ length: 62 }, () => 0)] };
+    const bins = costBins(labels, photons);
+    expect(bins.map(({ share, ofVolume }) => [share, ofVolume])).toEqual([[1, 0.8], [0.5, 0.3], [0, 0.3], [0, 0.02]]);
+    expect(costRuns(bins, [0, 9], 9)[1]).toEqual({ from: 1, to: 5, share: 0.5, ofVolume: 0.3 });
+    expect(costInWords({ share: 0.5, ofVolume: 0.3 }, photons)).toBe("recomputes 50 % of the photons, for 30 % of the volume");
+    expect(costInWords({ share: 0, ofVolume: 0.02 }, photons)).toBe("recomputes none of the photons, for 2 % of the volume");
+    expect(stripInWords(photons)).toMatch(/photons/);
+    expect(sharesOf("photon_map", photons)).toBe(photons);
+    expect(sharesOf("path_traced", photons)).toBeNull();
+    expect(sharesOf("path_traced", { ...photons, what: "tiles" })).not.toBeNull();
+    expect(sharesOf("local", photons)).toBeNull();
   });
 });
 

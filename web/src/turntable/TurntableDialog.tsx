@@ -1,23 +1,24 @@
-/** Turntable: what is drawn and how, pictures of the way ahead of time, and the export under way. */
+/** Turntable or film: what is drawn and how, pictures of the way ahead of time, and the export under way. */
 
-import { Button, Modal, NativeSelect, Progress } from "@mantine/core";
+import { Button, Modal, NativeSelect, Progress, SegmentedControl } from "@mantine/core";
 import { useEffect, useState } from "react";
 import { exportFileUrl } from "../api/rest";
 import { NumberField, Row } from "../app/controls";
 import { baseName } from "../app/files";
 import { useUi } from "../app/uiStore";
 import { formatBytes } from "../datasets/format";
-import type { Camera, ExportFormat, SceneFile } from "../generated/proto";
+import type { Camera, ExportFormat, ExportRequest, SceneFile } from "../generated/proto";
 import { isTraced } from "../quality/methods";
-import { askPreview, previewSize } from "../session/previews";
 import { useSession } from "../session/store";
+import { filmInWords, filmRefusal, filmRequest } from "./film";
+import { FilmViews } from "./FilmViews";
+import { useSavedViews } from "./savedViews";
 import { beginTurntable, dropTurntable, useTurntable } from "./store";
 import { inWords, isUnderWay, LIMITS, progressInWords, refusal, requestOf, suggested, turned, type TurntableSettings } from "./turntable";
+import { pictureSize, WayPicture } from "./WayPicture";
 
 /** Shares of the way that pictures are shown of. */
 const SHOWN = [0, 0.25, 0.5, 0.75] as const;
-/** Longest edge of such a picture, CSS pixels. */
-const PICTURE_EDGE = 132;
 /** Numbers are typed and pictures follow them: they wait until the person does, milliseconds. */
 const TYPING_MILLIS = 300;
 
@@ -31,7 +32,7 @@ const close = (): void => void useUi.setState({ turntableOpen: false });
 export function TurntableDialog() {
   const opened = useUi((ui) => ui.turntableOpen);
   return (
-    <Modal opened={opened} onClose={close} title="Turntable" size={620} closeButtonProps={{ "aria-label": "Close" }} data-testid="turntable">
+    <Modal opened={opened} onClose={close} title="Turntable or film" size={620} closeButtonProps={{ "aria-label": "Close" }} data-testid="turntable">
       <Content />
     </Modal>
   );
@@ -59,21 +60,40 @@ function startOf(scene: SceneFile | null, frame: { viewport_width: number; viewp
   return suggested({ width: frame.viewport_width, height: frame.viewport_height }, samples);
 }
 
+/** The same for a turntable and a film. */
+interface Wish {
+  refused: string | null;
+  words: string;
+  request: () => ExportRequest;
+}
+
 function Settings({ settings, change, sessionId, camera }: {
   settings: TurntableSettings;
   change: (part: Partial<TurntableSettings>) => void;
   sessionId: string;
   camera: Camera;
 }) {
-  const refused = refusal(settings);
-  const begin = () => void beginTurntable(sessionId, requestOf(settings, camera));
+  const film = useUi((ui) => ui.filmChosen);
+  const views = useSavedViews(sessionId);
+  const { refused, words, request }: Wish = film
+    ? { refused: filmRefusal(views, settings), words: filmInWords(views, settings), request: () => filmRequest(views, settings) }
+    : { refused: refusal(settings), words: inWords(settings), request: () => requestOf(settings, camera) };
+  const begin = () => void beginTurntable(sessionId, request());
   return (
     <>
-      <p className="hint">The camera goes around the pivot, from the view on screen, about its upright axis. The service draws the pictures behind everything else it does; the dialog may be closed meanwhile.</p>
-      <Way settings={settings} sessionId={sessionId} camera={camera} />
+      <SegmentedControl fullWidth value={film ? "film" : "turntable"} data={[{ value: "turntable", label: "Around the pivot" }, { value: "film", label: "Through saved views" }]} onChange={(value) => useUi.setState({ filmChosen: value === "film" })} data-testid="turntable-kind" />
+      <p className="hint turntable-hint">
+        {film
+          ? "The camera comes through these views without a jolt and rests at the first and the last. Add the view on screen here, or with V while you look around."
+          : "The camera goes around the pivot, from the view on screen, about its upright axis."}
+        {" The service draws the pictures behind everything else it does; the dialog may be closed meanwhile."}
+      </p>
+      {film ? <FilmViews views={views} sessionId={sessionId} shape={settings} goTo={close} /> : <Way settings={settings} sessionId={sessionId} camera={camera} />}
       <div className="turntable-fields">
+        {!film && <>
         <Row label="Turns" hint="Negative: the other way"><NumberField label="Turns" value={settings.turns} min={-LIMITS.turns} max={LIMITS.turns} step={0.5} testId="turntable-turns" onChange={(turns) => change({ turns })} /></Row>
         <Row label="Length"><NumberField label="Length in seconds" value={settings.seconds} min={0} max={LIMITS.frames.max} step={1} suffix=" s" testId="turntable-seconds" onChange={(seconds) => change({ seconds })} /></Row>
+        </>}
         <Row label="Pictures a second"><NumberField label="Pictures a second" value={settings.framesPerSecond} whole min={LIMITS.rate.min} max={LIMITS.rate.max} testId="turntable-rate" onChange={(framesPerSecond) => change({ framesPerSecond: Math.round(framesPerSecond) })} /></Row>
         <Row label="Size">
           <NumberField label="Width in pixels" value={settings.width} whole min={1} max={LIMITS.edge} testId="turntable-width" onChange={(width) => change({ width: Math.round(width) })} />
@@ -84,7 +104,7 @@ function Settings({ settings, change, sessionId, camera }: {
         <Row label="File"><NativeSelect aria-label="File" data={formats} value={settings.format} data-testid="turntable-format" onChange={(event) => change({ format: formats.find(({ value }) => value === event.currentTarget.value)?.value ?? "apng" })} /></Row>
       </div>
       <div className="turntable-foot">
-        <span className={refused === null ? "dim" : "note-danger"} role="status" data-testid="turntable-words">{refused ?? inWords(settings)}</span>
+        <span className={refused === null ? "dim" : "note-danger"} role="status" data-testid="turntable-words">{refused ?? words}</span>
         <Button onClick={begin} disabled={refused !== null} data-testid="turntable-begin">Draw</Button>
       </div>
     </>
@@ -94,35 +114,15 @@ function Settings({ settings, change, sessionId, camera }: {
 /** Small pictures of the way, drawn by the service. */
 function Way({ settings, sessionId, camera }: { settings: TurntableSettings; sessionId: string; camera: Camera }) {
   const { width, height, turns } = useSettled(settings);
-  const shrink = PICTURE_EDGE / Math.max(width, height);
-  const size = previewSize(Math.max(1, width * shrink), Math.max(1, height * shrink));
+  const size = pictureSize({ width, height });
   return (
     <div className="turntable-way">
-      {SHOWN.map((share) => <Picture key={share} sessionId={sessionId} camera={turned(camera, turns * share)} degrees={turns * share * 360} {...size} />)}
+      {SHOWN.map((share) => (
+        <WayPicture key={share} sessionId={sessionId} camera={turned(camera, turns * share)} {...size}>
+          <figcaption className="dim">{Math.round(turns * share * 360)}°</figcaption>
+        </WayPicture>
+      ))}
     </div>
-  );
-}
-
-function Picture({ sessionId, camera, degrees, width, height }: { sessionId: string; camera: Camera; degrees: number; width: number; height: number }) {
-  const [address, setAddress] = useState<string | null>(null);
-  const patch = JSON.stringify({ camera: { orthographic_height: null, fov_y_degrees: null, ...camera } });
-  useEffect(() => {
-    let made: string | null = null;
-    const stop = askPreview(sessionId, { patch: JSON.parse(patch) as Record<string, unknown>, width, height }, (blob, stopped) => {
-      if (stopped) return;
-      made = URL.createObjectURL(blob);
-      setAddress(made);
-    }, () => undefined); // The words beneath still say what it would be.
-    return () => {
-      stop();
-      if (made !== null) URL.revokeObjectURL(made);
-    };
-  }, [sessionId, patch, width, height]);
-  return (
-    <figure data-drawn={address !== null} data-testid="turntable-picture">
-      <span style={{ aspectRatio: `${width} / ${height}` }}>{address !== null && <img src={address} alt="" />}</span>
-      <figcaption className="dim">{Math.round(degrees)}°</figcaption>
-    </figure>
   );
 }
 
@@ -139,6 +139,7 @@ function useSettled(settings: TurntableSettings): TurntableSettings {
 /** The export: how far it has come, or its file. */
 function Job() {
   const job = useTurntable((state) => state.job);
+  const film = useTurntable((state) => state.film);
   if (!job) return null;
   const underWay = isUnderWay(job);
   return (
@@ -151,11 +152,11 @@ function Job() {
         ) : (
           <span className="tile-buttons">
             <Button variant="default" onClick={() => void dropTurntable()} data-testid="turntable-another">Another one</Button>
-            <Button component="a" href={exportFileUrl(job.id)} download={`${baseName()}-turntable.${job.format === "zip" ? "zip" : "png"}`} data-testid="turntable-download">Download</Button>
+            <Button component="a" href={exportFileUrl(job.id)} download={`${baseName()}-${film ? "film" : "turntable"}.${job.format === "zip" ? "zip" : "png"}`} data-testid="turntable-download">Download</Button>
           </span>
         )}
       </div>
-      {!underWay && job.format === "apng" && <img className="turntable-result" src={exportFileUrl(job.id)} alt="The turntable" />}
+      {!underWay && job.format === "apng" && <img className="turntable-result" src={exportFileUrl(job.id)} alt={film ? "The film" : "The turntable"} />}
     </div>
   );
 }

@@ -12,11 +12,13 @@ const ASK_MILLIS = 500;
 interface TurntableState {
   /** Null before one was asked for. */
   job: Export | null;
+  /** It goes through views, and not around. */
+  film: boolean;
   /** Why there is none, in words. */
   problem: string | null;
 }
 
-export const useTurntable = create<TurntableState>(() => ({ job: null, problem: null }));
+export const useTurntable = create<TurntableState>(() => ({ job: null, film: false, problem: null }));
 
 const set = (state: Partial<TurntableState>): void => useTurntable.setState(state);
 
@@ -28,7 +30,7 @@ export async function beginTurntable(sessionId: string, request: ExportRequest):
   set({ problem: null });
   try {
     const job = await postExport(sessionId, request);
-    set({ job });
+    set({ job, film: request.keys !== undefined });
     await follow(job.id);
   } catch (error) {
     set({ problem: wordsOf(error) });

@@ -32,11 +32,17 @@ export function suggested(viewport: { width: number; height: number }, samplesAt
 
 export const framesOf = ({ seconds, framesPerSecond }: Pick<TurntableSettings, "seconds" | "framesPerSecond">): number => Math.round(seconds * framesPerSecond);
 
-/** Why the service would refuse, in words; null if it would not. */
-export function refusal(settings: TurntableSettings): string | null {
-  const frames = framesOf(settings);
+/** Why the service would refuse so many pictures, in words; null if it would not. */
+export function framesRefusal(frames: number): string | null {
   if (frames < LIMITS.frames.min) return `That is ${frames === 1 ? "one picture" : "no picture"}: make it longer.`;
   if (frames > LIMITS.frames.max) return `That is ${frames} pictures, at most ${LIMITS.frames.max} are drawn: make it shorter, or fewer a second.`;
+  return null;
+}
+
+/** Why the service would refuse, in words; null if it would not. */
+export function refusal(settings: TurntableSettings): string | null {
+  const refused = framesRefusal(framesOf(settings));
+  if (refused !== null) return refused;
   if (settings.turns === 0) return "Without a turn all pictures are the same.";
   return null;
 }

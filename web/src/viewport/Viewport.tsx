@@ -88,7 +88,7 @@ function ViewTools() {
       {!watching && <IconButton icon="contrast" label="Window and level: drag across for the width, up and down for the middle" hotkey="W" active={windowing} onClick={toggleWindowing} testId="toggle-windowing" />}
       {!watching && <IconButton icon="box" label="Clip box and planes: handles in the picture" hotkey="C" active={clipping} onClick={() => useUi.setState({ clipHandles: !clipping })} testId="toggle-clip-handles" />}
       <IconButton icon="camera" label={watching ? "Save the picture on screen as PNG; stills drawn by the server are for editors" : "Save a still as PNG"} hotkey="S" onClick={() => void saveStill()} testId="save-still" />
-      <IconButton icon="turntable" label="Turntable: the view goes around, as a file" hotkey="T" onClick={() => useUi.setState({ turntableOpen: true })} testId="turntable-open" />
+      <IconButton icon="turntable" label="Turntable or film: the view moves, as a file" hotkey="T" onClick={() => useUi.setState({ turntableOpen: true })} testId="turntable-open" />
       <IconButton icon="expand" label="Full screen" hotkey="F" onClick={() => void toggleFullScreen().catch(sayError)} testId="full-screen" />
     </div>
   );

@@ -32,6 +32,7 @@ pub fn run(out: &Path) -> anyhow::Result<()> {
 }
 
 async fn measure_all(out: &Path) -> anyhow::Result<()> {
+    let load_before = load_average();
     let served = Served::open().await?;
     let volume =
         VolumeSource { builtin: Some(Builtin::Buckyball), dims: Some([EDGE; 3]), ..VolumeSource::default() };
@@ -85,8 +86,16 @@ async fn measure_all(out: &Path) -> anyhow::Result<()> {
         }
     }
     served.close().await?;
+    // How busy the machine was, with other work too: it decides what the figures are worth.
+    table.about["load_average"] = json!([load_before, load_average()]);
     table.write(out)?;
     bar_chart(&out.join("load.svg"), "frames per second of all viewers together", &bars)
+}
+
+/// The system's load average over a minute; `None` where it does not tell.
+fn load_average() -> Option<f64> {
+    let text = std::fs::read_to_string("/proc/loadavg").ok()?;
+    text.split_whitespace().next()?.parse().ok()
 }
 
 /// So many viewers at once, each with a session of its own on the same volume.

@@ -254,6 +254,21 @@ impl LightPhotons {
         gpu.wait()
     }
 
+    /// Bins that the ways of the light's first photons relied on, of no more than so many.
+    pub fn first_bins(&self, gpu: &Gpu, most: u32) -> Result<Vec<u64>, RenderError> {
+        let mut bins = Vec::new();
+        for chunk in &self.chunks {
+            let count = chunk.count.min(most.saturating_sub(chunk.first));
+            if count == 0 {
+                break;
+            }
+            let ends = gpu.read_buffer(&chunk.ends, u64::from(count) * END_BYTES)?;
+            let of_end = |end: &[u8]| bytemuck::pod_read_unaligned::<u64>(&end[..8]);
+            bins.extend(ends.chunks_exact(END_BYTES as usize).map(of_end));
+        }
+        Ok(bins)
+    }
+
     #[cfg(test)]
     pub fn contents(&self, gpu: &Gpu) -> Result<Vec<Vec<u8>>, RenderError> {
         let mut contents = vec![gpu.read_buffer(&self.sums, self.sums.size())?];

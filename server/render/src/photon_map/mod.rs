@@ -18,6 +18,7 @@ use scene::{Light, Scene};
 
 use crate::direct_light::DirectLight;
 use crate::error::RenderError;
+use crate::gpu::Gpu;
 use crate::illumination::{Inputs, Progress};
 use crate::light_field::LightField;
 use crate::tables;
@@ -28,6 +29,10 @@ pub(crate) use pipelines::PhotonPipelines;
 /// GPU memory of a map. The software device's is the server's own.
 const MAX_BYTES: u64 = 16 << 30;
 const MAX_BYTES_SOFTWARE: u64 = 2 << 30;
+
+/// Photons that are looked at, of all lights together, for what edits make stale: a share is known to
+/// 0.2 % (one standard error), and 2 MiB are read back.
+const PHOTONS_LOOKED_AT: u32 = 65_536;
 
 /// What a map is laid out for: another layout is another map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -200,6 +205,17 @@ impl PhotonMap {
         &self.field.light
     }
 
+    /// Bins that photons relied on: of all, or of many the first of each light, which are as random as
+    /// the others.
+    pub fn bins_relied_on(&self, gpu: &Gpu) -> Result<Vec<u64>, RenderError> {
+        let each = PHOTONS_LOOKED_AT / (self.lights.len() as u32).max(1);
+        let mut bins = Vec::new();
+        for photons in self.lights.values() {
+            bins.extend(photons.first_bins(gpu, each)?);
+        }
+        Ok(bins)
+    }
+
     pub fn bytes(&self) -> u64 {
         let photons: u64 = self.lights.values().map(LightPhotons::bytes).sum();
         self.in_flight.bytes() + self.field.bytes() + self.direct.bytes() + photons
@@ -207,7 +223,7 @@ impl PhotonMap {
 
     /// Every buffer of a light's photons and its sums, for tests of equality.
     #[cfg(test)]
-    pub fn contents(&self, gpu: &crate::gpu::Gpu) -> Result<BTreeMap<String, Vec<Vec<u8>>>, RenderError> {
+    pub fn contents(&self, gpu: &Gpu) -> Result<BTreeMap<String, Vec<Vec<u8>>>, RenderError> {
         let direct = bytemuck::cast_slice(&self.direct.contents(gpu)?).to_vec();
         let of_lights = self.lights.iter().map(|(id, photons)| Ok((id.clone(), photons.contents(gpu)?)));
         of_lights.chain([Ok(("direct light".into(), vec![direct]))]).collect()

@@ -410,3 +410,37 @@ fn interrupted_updates_leave_nothing_behind() {
     }
     assert!(unfinished > 5, "only {unfinished} updates were interrupted");
 }
+
+/// What the map tells of its photons is what edits then find stale.
+#[test]
+fn an_edit_redoes_as_many_photons_as_were_told_to_rely_on_its_bins() {
+    let mut renderer = renderer();
+    let volume = balls(24);
+    let other = |s: f64| {
+        json!({"transfer_function": {"points": [
+            {"s": 0.1, "extinction": 0, "albedo": [0.9, 0.9, 0.9]},
+            {"s": 0.3, "extinction": 12, "albedo": [0.9, 0.5, 0.3]},
+            {"s": 0.6, "extinction": 20, "albedo": [0.4, 0.9, 0.5]},
+            {"s": s, "extinction": 40, "albedo": [0.6, 0.95, 0.6]}]}})
+    };
+    for s in [0.95, 0.8] {
+        let (old, new) = (snapshot(&volume, &[], 1), snapshot(&volume, &[other(s)], 2));
+        let mut view = View::new();
+        assert_eq!(renderer.stale_shares(&view).unwrap(), None);
+        draw(&mut renderer, &mut view, &old);
+        let masks = view.light.lock().photon_map().unwrap().bins_relied_on(renderer.gpu()).unwrap();
+        let shares = renderer.stale_shares(&view).unwrap().unwrap();
+        assert_eq!((masks.len(), shares.counted), (4096, 4096), "all are few enough to be looked at");
+        let changed = scene::Changes::between(&old.scene, &new.scene).bins
+            & old.scene.volume.macrocells.occurring(old.scene.filter);
+        let stale = masks.iter().filter(|&mask| mask & changed != 0).count();
+        let redone = draw(&mut renderer, &mut view, &new).counters["photons_recomputed"];
+        assert_eq!(redone, stale as u64, "s = {s}");
+        assert!(stale > 0 && stale < masks.len(), "the edit is of a part: {stale}");
+        // No bin alone costs more than all of them together, nor do they more than their sum.
+        let of_changed = (0..64).filter(|bin| changed >> bin & 1 == 1).map(|bin| shares.of_bins[bin]);
+        let (most, sum) = of_changed.fold((0.0_f32, 0.0), |(most, sum), one| (most.max(one), sum + one));
+        let share = stale as f32 / masks.len() as f32;
+        assert!(most <= share + 1e-6 && share <= sum + 1e-6, "{most} {share} {sum}");
+    }
+}

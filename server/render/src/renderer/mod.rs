@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use proto::FieldError;
-use proto::plan::{FrameReport, StageTime};
+use proto::plan::{FrameReport, StageTime, StaleShares};
 use proto::scene_file::{Method, RecordForm, ToneMapping};
 use scene::distance::distance_map;
 use scene::light::LightGeometry;
@@ -26,6 +26,7 @@ use crate::image_based;
 use crate::path_tracer::{PathTracer, PathVariant};
 use crate::photon_map::PhotonPipelines;
 use crate::ray_cast::{RayCaster, Variant, WORKGROUP_EDGE};
+use crate::stale_shares;
 use crate::tables;
 use crate::uniforms::FrameUniform;
 use crate::view::{
@@ -102,6 +103,7 @@ impl Drawn {
             stages: self.stages.clone(),
             counters: self.counters.clone(),
             gpu_bytes: self.gpu_bytes.clone(),
+            stale_shares: None,
         }
     }
 }
@@ -344,6 +346,21 @@ impl Renderer {
             counters,
             gpu_bytes: self.gpu_bytes(view, light_bytes),
         })
+    }
+
+    /// What an edit of each bin would make stale of what the view's complete picture was made from,
+    /// where the method remembers which bins that relied on.
+    ///
+    /// # Errors
+    /// GPU errors.
+    pub fn stale_shares(&self, view: &View) -> Result<Option<StaleShares>, RenderError> {
+        let Some(film) = &view.film else { return Ok(None) };
+        let scene = &film.snapshot.scene;
+        if scene.integrator() == Integrator::PathTracer {
+            let tiles = view.paths.as_ref().map_or(&[] as &[u64], |paths| paths.tile_bins());
+            return Ok(stale_shares::of_masks("tiles", tiles));
+        }
+        if scene.has_light_field() { view.light.lock().stale_shares(&self.gpu) } else { Ok(None) }
     }
 
     /// What drawing would do now.

@@ -1,10 +1,11 @@
-//! Exports: a session's scene seen from a camera that goes around it, drawn picture by picture behind
-//! all other work and written to a file.
+//! Exports: a session's scene seen from a camera that goes around it or through saved views, drawn
+//! picture by picture behind all other work and written to a file.
 //!
 //! An export is of the scene as it was when it was asked for. One is drawn at a time, the others wait.
 //! Its file is kept in `data/exports` for a while after it is done. The folder is emptied at every
 //! start: an export does not survive the process, and the answer to whoever asks for it says so.
 
+mod flight;
 mod orbit;
 mod reel;
 pub mod routes;
@@ -50,7 +51,7 @@ pub struct Exports {
 pub struct Export {
     id: String,
     request: ExportRequest,
-    /// Where the way begins.
+    /// Where a turntable begins.
     camera: Camera,
     path: PathBuf,
     /// Cancelled when it is deleted.
@@ -139,7 +140,7 @@ impl Exports {
         })
     }
 
-    /// Begins an export of a snapshot from a camera; it goes on whether or not anybody asks for it.
+    /// Begins an export of a snapshot; a turntable begins at the camera. It goes on whether or not anybody asks for it.
     ///
     /// # Errors
     /// There are too many (503).
@@ -286,7 +287,7 @@ async fn draw(app: &Arc<App>, export: &Arc<Export>, snapshot: &Arc<Snapshot>) ->
     let (path, wanted) = (export.path.clone(), request.clone());
     let created = crate::blocking("beginning an export", move || Reel::create(&path, &wanted)).await?;
     let mut reel = created.map_err(|error| Fault::disk("beginning an export", &error))?;
-    for camera in orbit::way(&export.camera, request.frames, request.turns) {
+    for camera in way(request, &export.camera) {
         let left = exports.patience.saturating_sub(began.elapsed());
         let mut scene = snapshot.scene.clone();
         scene.camera = scene::Camera::from_file(&camera);
@@ -319,6 +320,14 @@ async fn draw(app: &Arc<App>, export: &Arc<Export>, snapshot: &Arc<Snapshot>) ->
     let finished = crate::blocking("ending an export", move || reel.finish()).await?;
     export.progress.lock().bytes = finished.map_err(|error| Fault::disk("ending an export", &error))?;
     Ok(())
+}
+
+/// The cameras of the pictures, one after the other.
+fn way(request: &ExportRequest, camera: &Camera) -> Box<dyn Iterator<Item = Camera> + Send> {
+    match request.turns {
+        Some(turns) => Box::new(orbit::way(camera, request.frames, turns)),
+        None => Box::new(flight::Flight::new(&request.keys).way(request.frames)),
+    }
 }
 
 /// Ending of a file's name.

@@ -8,7 +8,7 @@ use axum::extract::{Path, State};
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use proto::FieldError;
-use proto::rest::{Export as ExportDocument, ExportFormat, ExportRequest, ExportState, Problem};
+use proto::rest::{CameraKey, Export as ExportDocument, ExportFormat, ExportRequest, ExportState, Problem};
 use proto::scene_file::limits::MAX_IMAGE_EDGE;
 use tokio_util::io::ReaderStream;
 
@@ -25,11 +25,17 @@ const FRAMES: std::ops::RangeInclusive<u32> = 2..=1440;
 const RATES: std::ops::RangeInclusive<u32> = 1..=60;
 /// Most turns, either way.
 const MAX_TURNS: f64 = 10.0;
+/// Views of a film.
+const KEYS: std::ops::RangeInclusive<usize> = 2..=64;
+/// Latest time of a view, seconds.
+const MAX_SECONDS: f64 = 3600.0;
+/// Least time between two views, seconds: less than a picture at the highest rate.
+const MIN_SECONDS_BETWEEN: f64 = 0.01;
 /// Samples, or paths, per pixel.
 const SAMPLES: std::ops::RangeInclusive<u32> = 1..=4096;
 
-/// Begins to draw the session's scene, as it is now, from a camera that goes around its target; the
-/// pictures are drawn behind all other work. The answer tells where to ask how far it has come.
+/// Begins to draw the session's scene, as it is now, from a camera that goes around its target
+/// (`turns`) or through views (`keys`); the pictures are drawn behind all other work. The answer tells where to ask how far it has come.
 #[utoipa::path(
     post, path = "/sessions/{id}/exports", tag = "exports", params(("id" = String, Path)), request_body = ExportRequest,
     responses(
@@ -126,10 +132,52 @@ fn check(request: &ExportRequest) -> Answer<()> {
             return Err(FieldError::new(field, message).into());
         }
     }
-    let turns = request.turns;
-    if !(turns.abs() <= MAX_TURNS && turns != 0.0) {
-        let message = format!("must be from -{MAX_TURNS} to {MAX_TURNS} and not 0, got {turns}");
-        return Err(FieldError::new("turns", message).into());
+    match (request.turns, request.keys.as_slice()) {
+        (Some(turns), []) => check_turns(turns)?,
+        (None, []) => return Err(FieldError::new("turns", "is missing (or give `keys`)").into()),
+        (Some(_), _) => return Err(FieldError::new("keys", "are an alternative to `turns`; give one").into()),
+        (None, keys) => check_keys(keys)?,
     }
-    request.camera.as_ref().map_or(Ok(()), |camera| Ok(check_camera(camera)?))
+    match &request.camera {
+        Some(_) if request.turns.is_none() => {
+            Err(FieldError::new("camera", "is where a turntable begins; `keys` have their own").into())
+        }
+        Some(camera) => Ok(check_camera(camera)?),
+        None => Ok(()),
+    }
+}
+
+fn check_turns(turns: f64) -> Result<(), FieldError> {
+    if turns.abs() <= MAX_TURNS && turns != 0.0 {
+        return Ok(());
+    }
+    Err(FieldError::new("turns", format!("must be from -{MAX_TURNS} to {MAX_TURNS} and not 0, got {turns}")))
+}
+
+fn check_keys(keys: &[CameraKey]) -> Result<(), FieldError> {
+    if !KEYS.contains(&keys.len()) {
+        let (least, most) = KEYS.into_inner();
+        return Err(FieldError::new("keys", format!("must be {least} to {most} views, got {}", keys.len())));
+    }
+    let mut before = -MIN_SECONDS_BETWEEN;
+    for (index, CameraKey { seconds, camera }) in keys.iter().enumerate() {
+        let field = format!("keys[{index}]");
+        check_camera(camera)
+            .map_err(|error| FieldError::new(format!("{field}.{}", error.field), error.message))?;
+        if !(0.0..=MAX_SECONDS).contains(seconds) {
+            let message = format!("must be from 0 to {MAX_SECONDS}, got {seconds}");
+            return Err(FieldError::new(format!("{field}.seconds"), message));
+        }
+        if seconds - before < MIN_SECONDS_BETWEEN {
+            let message =
+                format!("must be at least {MIN_SECONDS_BETWEEN} after the view before, at {before}");
+            return Err(FieldError::new(format!("{field}.seconds"), message));
+        }
+        if camera.fov_y_degrees.is_some() != keys[0].camera.fov_y_degrees.is_some() {
+            let message = "must have the projection of the first view: with perspective, or without";
+            return Err(FieldError::new(format!("{field}.camera"), message));
+        }
+        before = *seconds;
+    }
+    Ok(())
 }

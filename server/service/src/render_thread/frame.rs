@@ -1,5 +1,6 @@
 //! A picture under way, and what travels with it.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -10,6 +11,14 @@ use scene::Snapshot;
 use scene::plan::{Pass, Target};
 
 use super::Encoding;
+
+/// Counters that each slice tells of everything that is kept: the part that was not redone, and the
+/// part that was. Over several slices the redone parts add up, and the rest is what was reused.
+const OF_ALL: [[&str; 2]; 3] = [
+    ["photons_reused", "photons_recomputed"],
+    ["bricks_reused", "bricks_recomputed"],
+    ["tiles_reused", "tiles_recomputed"],
+];
 
 /// A picture under way.
 pub(super) struct Drawing {
@@ -86,8 +95,7 @@ pub(super) fn casting_time(drawn: &Drawn) -> Duration {
 }
 
 /// Adds a slice to the report of the frame it belongs to.
-pub(super) fn accumulate(report: &mut Option<FrameReport>, drawn: &Drawn) {
-    let slice = drawn.report();
+pub(super) fn accumulate(report: &mut Option<FrameReport>, slice: FrameReport) {
     let Some(report) = report else {
         *report = Some(slice);
         return;
@@ -101,8 +109,20 @@ pub(super) fn accumulate(report: &mut Option<FrameReport>, drawn: &Drawn) {
             None => report.stages.push(StageTime { stage, millis, device_millis }),
         }
     }
+    let reused = OF_ALL.map(|[reused, recomputed]| {
+        let total = |counters: &BTreeMap<String, u64>| {
+            counters.get(reused).map(|count| count + counters.get(recomputed).copied().unwrap_or_default())
+        };
+        (reused, recomputed, total(&slice.counters).max(total(&report.counters)))
+    });
     for (name, count) in slice.counters {
         *report.counters.entry(name).or_default() += count;
+    }
+    for (reused, recomputed, total) in reused {
+        if let Some(total) = total {
+            let redone = report.counters.get(recomputed).copied().unwrap_or_default();
+            report.counters.insert(reused.to_owned(), total.saturating_sub(redone));
+        }
     }
     report.gpu_bytes = slice.gpu_bytes;
 }
@@ -113,4 +133,39 @@ fn edge(pixels: u32) -> u16 {
 
 fn micros(time: Duration) -> u32 {
     u32::try_from(time.as_micros()).unwrap_or(u32::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn slice(counters: &[(&str, u64)]) -> FrameReport {
+        let counters = counters.iter().map(|(name, count)| ((*name).to_owned(), *count)).collect();
+        FrameReport { counters, ..FrameReport::default() }
+    }
+
+    #[test]
+    fn what_slices_redo_adds_up_and_the_rest_was_reused() {
+        let mut report = None;
+        for redone in [100, 250, 0] {
+            let (photons, bricks) = (("photons_recomputed", redone), ("bricks_recomputed", 40));
+            let rest = [("photons_reused", 1000 - redone), ("bricks_reused", 10)];
+            accumulate(&mut report, slice(&[photons, bricks, rest[0], rest[1], ("samples_taken", 7)]));
+        }
+        let counters = report.unwrap().counters;
+        assert_eq!((counters["photons_recomputed"], counters["photons_reused"]), (350, 650));
+        // Filled again and again: more than there are.
+        assert_eq!((counters["bricks_recomputed"], counters["bricks_reused"]), (120, 0));
+        assert_eq!(counters["samples_taken"], 21);
+    }
+
+    #[test]
+    fn rays_are_counted_where_they_are_cast() {
+        let mut report = None;
+        accumulate(&mut report, slice(&[("segments_cast", 5), ("segments_reused", 10)]));
+        accumulate(&mut report, slice(&[("segments_cast", 0), ("segments_reused", 15)]));
+        let counters = report.unwrap().counters;
+        assert_eq!((counters["segments_cast"], counters["segments_reused"]), (5, 25));
+        assert!(!counters.contains_key("photons_reused"));
+    }
 }

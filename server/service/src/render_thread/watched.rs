@@ -62,7 +62,7 @@ pub(super) struct Watched {
     moving_began: Option<Instant>,
     /// When it was last worked on.
     worked: Instant,
-    /// Time used, for fairness.
+    /// Turns it had, for fairness.
     pub(super) account: Account,
 }
 
@@ -234,7 +234,7 @@ impl Watched {
         let (snapshot, target) = (drawing.snapshot.clone(), drawing.target);
         let request = DrawRequest { snapshot: &snapshot, target, budget: Some(time) };
         let drawn = renderer.draw(&mut self.view, &request)?;
-        frame::accumulate(&mut drawing.report, &drawn);
+        frame::accumulate(&mut drawing.report, drawn.report());
         drawing.casting += frame::casting_time(&drawn);
         self.film = Some(Film {
             snapshot,
@@ -260,6 +260,11 @@ impl Watched {
         };
         self.worked = Instant::now();
         result
+    }
+
+    /// Number of the newest frame.
+    pub(super) fn frame(&self) -> u32 {
+        self.frame
     }
 
     /// GPU memory it keeps for itself.
@@ -397,7 +402,9 @@ impl Watched {
         let Some(drawing) = &self.drawing else { return Ok(()) };
         if drawn.complete {
             let picture = renderer.picture(&mut self.view)?;
-            if let Some(drawing) = self.drawing.take() {
+            let stale_shares = renderer.stale_shares(&self.view)?;
+            if let Some(mut drawing) = self.drawing.take() {
+                drawing.report.get_or_insert_default().stale_shares = stale_shares;
                 self.show(drawing, picture, Encoding::Lossless);
             }
             return Ok(());
@@ -467,3 +474,7 @@ impl Watched {
         }
     }
 }
+
+#[cfg(test)]
+#[path = "watched_tests.rs"]
+mod tests;

@@ -196,9 +196,10 @@ impl Worker {
             &Turn::Viewer(id, need, sharers) => {
                 let Some(watched) = self.viewers.get_mut(&id) else { return };
                 let allotted = watched.allotment(need, slice, sharers);
-                let began = Instant::now();
+                let (began, frame) = (Instant::now(), watched.frame());
                 let result = watched.advance(&mut self.renderer, need, allotted);
-                self.turns.charge(&mut watched.account, allotted, began.elapsed());
+                let is_picture = watched.frame() != frame;
+                self.turns.charge(&mut watched.account, allotted, began.elapsed(), is_picture);
                 match result {
                     Ok(()) => self.keep_within_memory(Some(id)),
                     Err(RenderError::DeviceLost(reason)) => self.reopen(&reason),
@@ -280,7 +281,7 @@ impl Worker {
         let began = Instant::now();
         match self.draw_still(&mut active, slice) {
             Ok(None) => {
-                self.turns.charge(&mut active.account, slice, began.elapsed());
+                self.turns.charge(&mut active.account, slice, began.elapsed(), false);
                 ControlFlow::Continue(active)
             }
             Ok(Some(still)) => {

@@ -1,5 +1,6 @@
-//! Turntables: how far they have come, cancelling them, what bounds them.
+//! Turntables and films: how far they have come, cancelling them, what bounds them.
 
+use std::io::Read as _;
 use std::time::{Duration, Instant};
 
 use axum::http::{Method, StatusCode, header};
@@ -118,6 +119,90 @@ async fn an_archive_has_every_picture() {
     names.sort_unstable();
     let expected: Vec<_> = (1..=6).map(|frame| format!("frame-{frame:04}.png")).collect();
     assert_eq!(names, expected);
+}
+
+/// A view of a film: at a time, from a place, with an angle.
+fn view(seconds: f64, position: [f64; 3], fov: f64) -> Value {
+    let camera = json!({"position": position, "target": [0, 0, 0], "up": [0, 1, 0], "fov_y_degrees": fov});
+    json!({"seconds": seconds, "camera": camera})
+}
+
+/// A small film through three views.
+fn film() -> Value {
+    let keys = [
+        view(0.0, [0.0, 0.0, 2.0], 40.0),
+        view(0.2, [2.0, 0.5, 0.0], 30.0),
+        view(0.4, [0.0, 0.5, -1.5], 50.0),
+    ];
+    let mut film = wish();
+    film["keys"] = json!(keys);
+    film["frames"] = json!(5);
+    film["format"] = json!("zip");
+    film.as_object_mut().unwrap().remove("turns");
+    film
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_film_comes_through_its_views() {
+    let service = Service::new();
+    let session = service.session().await;
+    let sampling = json!({"sampling": {"samples_per_pixel": 1}});
+    service.json(Method::PATCH, &format!("/sessions/{}/scene", session.id), sampling).await.ok();
+    let export = document(&begin(&service, &session.id, film()).await);
+    until(&service, &export.id, |export| export.state == ExportState::Done).await;
+    let file = service.get(&format!("/exports/{}/file", export.id)).await.ok();
+    let mut archive = zip::ZipArchive::new(std::io::Cursor::new(file.body)).unwrap();
+    assert_eq!(archive.len(), 5);
+    let mut pictures = Vec::new();
+    for index in 0..5 {
+        let mut png = Vec::new();
+        archive.by_index(index).unwrap().read_to_end(&mut png).unwrap();
+        pictures.push(image::load_from_memory(&png).unwrap().to_rgb8().into_raw());
+    }
+    // At the views, the pictures are those of their cameras, bit by bit.
+    for (index, key) in film()["keys"].as_array().unwrap().iter().enumerate() {
+        let patch = json!({"camera": key["camera"]});
+        service.json(Method::PATCH, &format!("/sessions/{}/scene", session.id), patch).await.ok();
+        let still = service.get(&format!("/sessions/{}/snapshot?width=40&height=30", session.id)).await.ok();
+        let expected = image::load_from_memory(&still.body).unwrap().to_rgb8().into_raw();
+        assert_eq!(expected, pictures[2 * index], "view {index}");
+    }
+    assert_ne!(pictures[1], pictures[0]);
+    assert_ne!(pictures[1], pictures[2]);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_film_that_cannot_be_is_refused_by_its_field() {
+    let service = Service::new();
+    let session = service.session().await;
+    let one = || view(0.0, [0.0, 0.0, 2.0], 40.0);
+    let next = |seconds| view(seconds, [2.0, 0.0, 0.0], 40.0);
+    let mut flat = next(1.0);
+    flat["camera"].as_object_mut().unwrap().remove("fov_y_degrees");
+    flat["camera"]["orthographic_height"] = json!(1.0);
+    let many: Vec<Value> = (0..65).map(|index| next(f64::from(index))).collect();
+    for (field, keys) in [
+        ("turns", json!([])),
+        ("keys", json!([one()])),
+        ("keys", json!(many)),
+        ("keys[1].seconds", json!([one(), next(0.0)])),
+        ("keys[1].seconds", json!([one(), next(4000.0)])),
+        ("keys[0].seconds", json!([next(-1.0), one()])),
+        ("keys[1].camera", json!([one(), flat])),
+        ("keys[1].camera.target", json!([one(), view(1.0, [0.0; 3], 40.0)])),
+        ("keys[1].camera.fov_y_degrees", json!([one(), view(1.0, [1.0; 3], 400.0)])),
+    ] {
+        let mut film = film();
+        film["keys"] = keys;
+        let problem = begin(&service, &session.id, film).await.problem(422);
+        assert_eq!(problem.field.as_deref(), Some(field), "{}", problem.detail);
+    }
+    for (field, other) in [("keys", "turns"), ("camera", "camera")] {
+        let mut film = film();
+        film[other] = if other == "turns" { json!(1.0) } else { one()["camera"].clone() };
+        let problem = begin(&service, &session.id, film).await.problem(422);
+        assert_eq!(problem.field.as_deref(), Some(field), "{}", problem.detail);
+    }
 }
 
 #[tokio::test(flavor = "multi_thread")]
