@@ -18,13 +18,13 @@ use super::report::{Line, Table, columns, line_chart, rounded};
 use super::scenes::prepared;
 
 /// Voxels and pixels along each axis.
-const VOXELS: usize = 48;
-const PIXELS: u32 = 48;
+const VOXELS: usize = 32;
+const PIXELS: u32 = 24;
 /// Photons of each light, and those of the sweep.
-const PHOTONS: u32 = 65_536;
-const SWEEP: [u32; 3] = [16_384, 65_536, 262_144];
+const PHOTONS: u32 = 32_768;
+const SWEEP: [u32; 3] = [8192, 32_768, 131_072];
 /// Texels of scattered light along an edge.
-const GRID: u32 = 24;
+const GRID: u32 = 16;
 /// Times that each edit is made; the quickest counts.
 const RUNS: usize = 2;
 
