@@ -76,7 +76,7 @@ const fn paths(label: &'static str, patch: &'static str, quick: bool) -> Setting
 
 /// A step whose quality is the number of photons and the resolution of their light.
 const fn photons(label: &'static str, patch: &'static str, quick: bool) -> Setting {
-    Setting { label, step_voxels: 1.0, samples_per_pixel: 2, patch, quick }
+    Setting { label, step_voxels: 1.0, samples_per_pixel: 8, patch, quick }
 }
 
 /// Every method built.

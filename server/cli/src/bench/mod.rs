@@ -4,6 +4,7 @@ mod accuracy;
 mod bone;
 mod display;
 mod drawing;
+mod edits;
 mod flip;
 mod load;
 mod methods;
@@ -32,6 +33,8 @@ enum Suite {
     Stability,
     /// Work and time with and without what is not needed, and that the picture is the same.
     Skip,
+    /// What an edit of a photon map saves by following only stale photons.
+    Edits,
     /// Error against the step length, for smooth and sharp transfer functions.
     Steps,
     /// Frames per second, latency and bytes of a streamed session.
@@ -86,7 +89,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
             Suite::Accuracy => drop(accuracy::chosen(&arguments.scenes, arguments.quick)?),
             Suite::Skip | Suite::Steps => drop(chosen_scenes(&arguments.scenes)?),
             Suite::Stability => drop(chosen_methods(&arguments.methods)?),
-            Suite::Stream | Suite::Load => {}
+            Suite::Edits | Suite::Stream | Suite::Load => {}
         }
     }
     suites.into_iter().try_for_each(|suite| run_suite(suite, arguments))
@@ -108,6 +111,7 @@ fn run_suite(suite: Suite, arguments: &Arguments) -> anyhow::Result<()> {
         Suite::Stability => stability::run(&chosen_methods(&arguments.methods)?, arguments.quick, out),
         Suite::Skip => skip::run(&chosen_scenes(&arguments.scenes)?, arguments.quick, out),
         Suite::Steps => steps::run(&chosen_scenes(&arguments.scenes)?, out),
+        Suite::Edits => edits::run(out),
         Suite::Stream => stream::run(out),
         Suite::Load => load::run(out),
     }
