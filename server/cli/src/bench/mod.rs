@@ -1,6 +1,7 @@
 //! `tyndall bench`: suites of measurements, each written as CSV, JSON and a plot.
 
 mod accuracy;
+mod bases;
 mod bone;
 mod display;
 mod drawing;
@@ -34,6 +35,8 @@ enum Suite {
     Skip,
     /// Error against the step length, for smooth and sharp transfer functions.
     Steps,
+    /// Light from infinity in few functions: error, projection and evaluation of each basis.
+    Bases,
     /// Frames per second, latency and bytes of a streamed session.
     Stream,
     /// Many viewers at once: what each gets, how evenly, and what a long job beside them costs.
@@ -82,7 +85,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         match suite {
             Suite::Accuracy => drop(accuracy::chosen(&arguments.scenes, arguments.quick)?),
             Suite::Skip | Suite::Steps => drop(chosen_scenes(&arguments.scenes)?),
-            Suite::Stability | Suite::Stream | Suite::Load => {}
+            Suite::Stability | Suite::Bases | Suite::Stream | Suite::Load => {}
         }
     }
     suites.into_iter().try_for_each(|suite| run_suite(suite, arguments))
@@ -104,6 +107,7 @@ fn run_suite(suite: Suite, arguments: &Arguments) -> anyhow::Result<()> {
         Suite::Stability => stability::run(arguments.quick, out),
         Suite::Skip => skip::run(&chosen_scenes(&arguments.scenes)?, arguments.quick, out),
         Suite::Steps => steps::run(&chosen_scenes(&arguments.scenes)?, out),
+        Suite::Bases => bases::run(out),
         Suite::Stream => stream::run(out),
         Suite::Load => load::run(out),
     }

@@ -88,6 +88,11 @@ impl Sky {
         Self { flux: healpix::centres(FINE_NSIDE).into_iter().map(|w| radiance(w) * solid_angle).collect() }
     }
 
+    /// This sky with no pixel brighter than that: radiance times solid angle of a pixel of the fine map.
+    pub fn limited(&self, most: DVec3) -> Self {
+        Self { flux: self.flux.iter().map(|flux| flux.min(most)).collect() }
+    }
+
     /// Radiance times solid angle from each pixel of a map with `nside` (a power of two no larger than
     /// the fine one's), in the sky's own axes.
     pub fn coarser(&self, nside: usize) -> Vec<DVec3> {
