@@ -73,6 +73,7 @@ pub const MARCH_RECORDS: &str = parts!(
     "ray_cast/cells.wgsl",
     "ray_cast/pieces.wgsl",
     "image_based/records.wgsl",
+    "image_based/arriving.wgsl",
     "image_based/march_records.wgsl",
 );
 
@@ -101,6 +102,7 @@ pub const TRACE_PHOTONS: &str = parts!(
     "shared/path.wgsl",
     "shared/scatter.wgsl",
     "shared/tracking.wgsl",
+    "shared/onward.wgsl",
     "shared/sh.wgsl",
     "photon_map/history.wgsl",
     "photon_map/deposit.wgsl",
@@ -140,6 +142,45 @@ pub const FILL_FIELD: &str = parts!(
     "shared/light.wgsl",
     "photon_map/fill.wgsl",
 );
+
+/// `march_transfer` of method `precomputed_transfer`.
+pub const MARCH_TRANSFER: &str = parts!(
+    "shared/features.wgsl",
+    "shared/frame.wgsl",
+    "shared/ray.wgsl",
+    "shared/medium.wgsl",
+    "shared/phase.wgsl",
+    "shared/random.wgsl",
+    "shared/place.wgsl",
+    "ray_cast/way.wgsl",
+    "ray_cast/cells.wgsl",
+    "ray_cast/pieces.wgsl",
+    "image_based/arriving.wgsl",
+    "precomputed_transfer/transfer.wgsl",
+    "precomputed_transfer/direct.wgsl",
+);
+
+/// `enter_photons` and `carry_photons`.
+pub const CARRY_PHOTONS: &str = parts!(
+    "shared/features.wgsl",
+    "shared/frame.wgsl",
+    "shared/ray.wgsl",
+    "shared/medium.wgsl",
+    "shared/phase.wgsl",
+    "shared/brdf.wgsl",
+    "shared/random.wgsl",
+    "shared/place.wgsl",
+    "shared/path.wgsl",
+    "shared/scatter.wgsl",
+    "shared/tracking.wgsl",
+    "shared/onward.wgsl",
+    "shared/sh.wgsl",
+    "precomputed_transfer/transfer.wgsl",
+    "precomputed_transfer/carry.wgsl",
+);
+
+/// `take_in` and `relight`.
+pub const RELIGHT: &str = parts!("precomputed_transfer/transfer.wgsl", "precomputed_transfer/relight.wgsl");
 
 /// `light_coefficients`: matter in the cells of the light grid.
 pub const LIGHT_COEFFICIENTS: &str = parts!(
@@ -214,6 +255,9 @@ pub const ALL: &[(&str, &str)] = &[
     ("take_up", TAKE_UP),
     ("add_up_mass", ADD_UP_MASS),
     ("fill_field", FILL_FIELD),
+    ("march_transfer", MARCH_TRANSFER),
+    ("carry_photons", CARRY_PHOTONS),
+    ("relight", RELIGHT),
     ("light_coefficients", LIGHT_COEFFICIENTS),
     ("march_lines", MARCH_LINES),
     ("gather_lines", GATHER_LINES),

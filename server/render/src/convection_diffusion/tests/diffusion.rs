@@ -46,6 +46,7 @@ fn with_inputs<T>(
         environment: None,
         distance_map: None,
         record_passes: &device.renderer.record_passes.clone(),
+        transfer_pipelines: &device.renderer.transfer_pipelines,
         photon_pipelines: &device.renderer.photon_pipelines.clone(),
         convection_diffusion: &device.pipelines,
     };
