@@ -1,78 +1,134 @@
-// Light that arrives without having been scattered (eq. 2 of the paper), from one direction at a time
-// for all basis functions that shine from there: their integrals over the direction's pixel times the
-// transmittance. Like what photons bring, a texel's mean over the matter around it: times its mass.
+// Light that has not been scattered yet (eq. 2 of the paper), from one direction at a time for all basis
+// functions that shine from there. Beams of equal width, side by side, cross the box; what each loses in
+// a part of its way falls to the eight texels around the middle of the loss, as a photon's share does:
+// light and extinction have the same footprint, however opaque matter is.
 
-// Emission is the ray caster's.
-override GLOW: bool = false;
+// Of each direction.
+@group(0) @binding(22) var<storage, read> beams: array<Beams>;
+// Row of each texel; NO_ROW without one.
+@group(0) @binding(28) var<storage, read> texel_rows: array<u32>;
+// Of each row what fell to it, in units of `transfer.unit`.
+@group(0) @binding(24) var<storage, read_write> fallen: array<atomic<u32>>;
 
-// Directions towards the light.
-@group(0) @binding(22) var<storage, read> directions: array<vec4f>;
-// Of a direction, for each function that is not 0 in its pixel: which, and its integrals with each
-// spherical harmonic of the field.
-@group(0) @binding(23) var<storage, read> integrals: array<f32>;
-// Of each row: which texel it is of.
-@group(0) @binding(24) var<storage, read> row_texels: array<u32>;
-// Of each row: extinction around its texel, over the largest one.
-@group(0) @binding(25) var<storage, read> masses: array<f32>;
-@group(0) @binding(26) var<storage, read_write> direct_light: array<f32>;
+const NO_ROW = 0xffffffffu;
+// A beam this deep in matter is dark: a millionth of it is left.
+const DARK_DEPTH = 13.8;
+// Longest part of a way that falls to one place, texels.
+const MOST_PART = 0.5;
+
+struct Beams {
+    // Towards the light.
+    towards: vec3f,
+    // Along each edge of the square of beams.
+    edge: u32,
+    // From one beam to the next, world units.
+    across: vec3f,
+    pad0: f32,
+    down: vec3f,
+    pad1: f32,
+    // Of the first beam, outside of the box.
+    origin: vec3f,
+    pad2: f32,
+}
 
 @compute @workgroup_size(64)
-fn march_transfer(@builtin(global_invocation_id) id: vec3u) {
+fn march_transfer(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     always_zero = id.z;
-    // Lanes without a row walk an empty way: see `march_records`.
-    let inside = id.x < steering(transfer.rows);
-    let row = min(id.x, transfer.rows - 1u);
-    let index = row_texels[row];
-    let texel_place = vec3u(index % transfer.dims.x, index / transfer.dims.x % transfer.dims.y, index / (transfer.dims.x * transfer.dims.y));
-    let x = place_around(texel_place, unit4(pcg4d(vec4u(index, transfer.direction, 0u, 0u))));
-    let ray = Ray(x, directions[transfer.direction].xyz);
+    let index = id.y * groups.x * 64u + id.x;
+    let way = -beams[transfer.direction].towards;
+    let edge = steering(beams[transfer.direction].edge);
+    // Lanes without a beam walk an empty way: see `march_records`.
+    let inside = index < edge * edge;
+    let start = beams[transfer.direction].origin + f32(index % edge) * beams[transfer.direction].across
+        + f32(index / edge) * beams[transfer.direction].down;
+    let enter = max(box_interval(Ray(start, way), -0.5 * frame.size_world, 0.5 * frame.size_world).x, 0.0);
+    // From the box on, so that the way there costs no precision.
+    let ray = Ray(start + enter * way, way);
     let whole = vec2f(0.0, box_interval(ray, -0.5 * frame.size_world, 0.5 * frame.size_world).y);
-    var kept = clip_interval(ray, whole);
-    if steering(transfer.clip_shadows) == 1u { kept = whole; }
-    let from_t = min(kept.x, kept.y);
-    var counts = vec4u(0u);
-    let found = arriving(ray, from_t, select(from_t, kept.y, inside), &counts);
-    let coefficients = transfer.bands * transfer.bands;
-    if inside {
-        let weight = found.w * masses[row];
-        for (var entry = steering(transfer.first_entry); entry < steering(transfer.last_entry); entry++) {
-            let first = entry * (coefficients + 1u);
-            let b = u32(integrals[first]);
-            for (var k = 0u; k < coefficients; k++) {
-                direct_light[in_matrix(k, b, row)] += weight * integrals[first + 1u + k];
+    let kept = clip_interval(ray, whole);
+    let blocks = clipped_matter_blocks();
+    let from_t = select(max(kept.x, 0.0), 0.0, blocks);
+    let to_t = select(kept.y, whole.y, blocks);
+    fall(ray, from_t, select(from_t, to_t, inside && to_t > from_t));
+}
+
+fn clipped_matter_blocks() -> bool {
+    return steering(transfer.clip_shadows) == 1u;
+}
+
+// A beam's way, from cell to cell, like the ray caster's.
+fn fall(ray: Ray, from_t: f32, to_t: f32) {
+    let grid = grid_of(ray);
+    let texel_length = min(frame.size_world.x / f32(transfer.dims.x),
+        min(frame.size_world.y / f32(transfer.dims.y), frame.size_world.z / f32(transfer.dims.z)));
+    var cell = cell_at(grid, from_t);
+    var t = from_t;
+    var transmittance = 1.0;
+    var optical_depth = 0.0;
+    // Two loops, as in `integrate` of the ray caster: the inner one leaps and reads voxels until there
+    // may be matter.
+    while t < to_t {
+        var found = false;
+        var found_cell = cell;
+        var way = vec2f(t);
+        var corners = Corners(vec4f(0.0), vec4f(0.0));
+        while t < to_t && !found {
+            let empty_to = min(empty_until(grid, max(enters_at(grid, cell), from_t)), to_t);
+            if empty_to > smallest(leaves_at(grid, cell)) { cell = max(cell_at(grid, empty_to), cell); }
+            let begin = max(enters_at(grid, cell), from_t);
+            let leave = leaves_at(grid, cell);
+            t = max(min(smallest(leave), to_t), begin);
+            way = vec2f(begin, t);
+            found_cell = cell;
+            cell += axis_of_smallest(leave);
+            var span = vec2f(0.0);
+            if FILTER == 2u {
+                let value = voxel_of(grid, found_cell);
+                corners = Corners(vec4f(value), vec4f(value));
+                span = vec2f(value);
+            } else {
+                corners = corners_of(grid, found_cell);
+                let low = min(corners.near, corners.far);
+                let high = max(corners.near, corners.far);
+                span = vec2f(min(min(low.x, low.y), min(low.z, low.w)), max(max(high.x, high.y), max(high.z, high.w)));
             }
+            found = may_hold_matter(s_of_texel(span.x), s_of_texel(span.y)) && t > begin;
         }
+        var cubic = vec4f(frame.s_scale * corners.near.x + frame.s_offset, 0.0, 0.0, 0.0);
+        if FILTER != 2u { cubic = cubic_along(grid, found_cell, corners, way.x, way.y); }
+        let by_bend = ceil(sqrt(bend_of(cubic) / MOST_BEND));
+        let by_length = ceil((way.y - way.x) / (MOST_PART * texel_length));
+        let parts = clamp(max(by_bend, by_length), 1.0, MOST_PARTS_BY_BEND);
+        var next = select(parts + 1.0, 1.0, found);
+        var near = field_point(way.x, s_on(cubic, 0.0));
+        while next <= parts {
+            let u = next / parts;
+            let part = first_part(near, field_point(mix(way.x, way.y, u), s_on(cubic, u)));
+            let depth = max(0.5 * (part.sigma_t.x + part.sigma_t.y) * (part.end.t - near.t), 0.0);
+            next += select(0.0, 1.0, part.ends_step);
+            let left = exp(-depth);
+            let middle = mix(near.t, part.end.t, centre_of_light(part.sigma_t, max(depth, 1e-6)));
+            share_out(ray.origin + middle * ray.direction, transmittance * (1.0 - left));
+            transmittance *= left;
+            optical_depth += depth;
+            near = part.end;
+        }
+        if optical_depth > DARK_DEPTH { t = to_t; }
     }
 }
 
-// A place in the texel's footprint, with a chance in proportion to extinction and to the texel's share
-// of it: of eight places, one in each octant, shifted together.
-fn place_around(texel_place: vec3u, u: vec4f) -> vec3f {
+fn share_out(x: vec3f, lost: f32) {
     let dims = vec3f(transfer.dims);
-    let middle = (vec3f(texel_place) + 0.5) / dims;
-    var chosen = middle;
-    var sum = 0.0;
-    var left = u.w;
-    for (var i = 0u; i < 8u; i++) {
-        let offset = vec3f(f32(i & 1u), f32((i >> 1u) & 1u), f32(i >> 2u)) + u.xyz - 1.0;
-        let uvw = middle + offset / dims;
-        // Beyond the outermost centres a texel is alone.
-        let alone = (uvw * dims < vec3f(0.5)) | (uvw * dims > dims - 0.5);
-        let near = select(1.0 - abs(offset), vec3f(1.0), alone);
-        let place = (uvw - 0.5) * frame.size_world;
-        var weight = 0.0;
-        let wanted = all(uvw > vec3f(0.0)) && all(uvw < vec3f(1.0)) && keeps(place);
-        if wanted {
-            let s = s_of_texel(texel_value(uvw));
-            weight = min(sigma_t_in(piece_of(s, wanted), s), transfer.most) * near.x * near.y * near.z;
-        }
-        sum += weight;
-        // Each has its chance although the others are not known yet; what is left of the random number
-        // is as good as new.
-        let share = select(0.0, weight / sum, sum > 0.0);
-        let takes = left < share;
-        if takes { chosen = uvw; }
-        left = select((left - share) / max(1.0 - share, 1e-12), left / max(share, 1e-12), takes);
+    let place = clamp(x / frame.size_world + 0.5, vec3f(0.0), vec3f(1.0)) * dims - 0.5;
+    let low = floor(place);
+    let part = place - low;
+    let corners = select(0u, 8u, lost > 0.0 && keeps(x));
+    for (var corner = 0u; corner < corners; corner++) {
+        let upper = vec3u(corner & 1u, (corner >> 1u) & 1u, corner >> 2u);
+        let texel_place = vec3u(clamp(low + vec3f(upper), vec3f(0.0), dims - 1.0));
+        let near = select(1.0 - part, part, upper == vec3u(1u));
+        let row = texel_rows[(texel_place.z * transfer.dims.y + texel_place.y) * transfer.dims.x + texel_place.x];
+        let amount = u32(round(lost * near.x * near.y * near.z / transfer.unit));
+        if row != NO_ROW { atomicAdd(&fallen[row], amount); }
     }
-    return (chosen - 0.5) * frame.size_world;
 }

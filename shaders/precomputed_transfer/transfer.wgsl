@@ -41,8 +41,8 @@ struct Transfer {
     photon_factor: f32,
     // The field holds radiance divided by this.
     scale: f32,
-    // Extinction above which matter does not count more.
-    most: f32,
+    // Cross-section of a beam over the largest mass.
+    beam_area: f32,
     pad0: u32,
 }
 

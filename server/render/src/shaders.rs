@@ -73,7 +73,6 @@ pub const MARCH_RECORDS: &str = parts!(
     "ray_cast/cells.wgsl",
     "ray_cast/pieces.wgsl",
     "image_based/records.wgsl",
-    "image_based/arriving.wgsl",
     "image_based/march_records.wgsl",
 );
 
@@ -150,15 +149,17 @@ pub const MARCH_TRANSFER: &str = parts!(
     "shared/ray.wgsl",
     "shared/medium.wgsl",
     "shared/phase.wgsl",
-    "shared/random.wgsl",
     "shared/place.wgsl",
     "ray_cast/way.wgsl",
     "ray_cast/cells.wgsl",
     "ray_cast/pieces.wgsl",
-    "image_based/arriving.wgsl",
     "precomputed_transfer/transfer.wgsl",
     "precomputed_transfer/direct.wgsl",
 );
+
+/// `spread_beams`.
+pub const SPREAD_BEAMS: &str =
+    parts!("precomputed_transfer/transfer.wgsl", "precomputed_transfer/spread.wgsl");
 
 /// `enter_photons` and `carry_photons`.
 pub const CARRY_PHOTONS: &str = parts!(
@@ -256,6 +257,7 @@ pub const ALL: &[(&str, &str)] = &[
     ("add_up_mass", ADD_UP_MASS),
     ("fill_field", FILL_FIELD),
     ("march_transfer", MARCH_TRANSFER),
+    ("spread_beams", SPREAD_BEAMS),
     ("carry_photons", CARRY_PHOTONS),
     ("relight", RELIGHT),
     ("light_coefficients", LIGHT_COEFFICIENTS),

@@ -399,8 +399,23 @@ pub struct Transfer {
     pub mean_shown: f32,
     pub photon_factor: f32,
     pub scale: f32,
-    pub most: f32,
+    pub beam_area: f32,
     pub pad0: u32,
+}
+
+/// `Beams` of shaders/precomputed_transfer/direct.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct Beams {
+    pub towards: [f32; 3],
+    pub edge: u32,
+    pub across: [f32; 3],
+    pub pad0: f32,
+    pub down: [f32; 3],
+    pub pad1: f32,
+    pub origin: [f32; 3],
+    pub pad2: f32,
 }
 
 /// Field names and offsets of a struct, to be compared with naga's.
@@ -641,10 +656,11 @@ pub fn layouts() -> Vec<Layout> {
                 mean_shown,
                 photon_factor,
                 scale,
-                most,
+                beam_area,
                 pad0,
             }
         ),
+        layout!("Beams", Beams { towards, edge, across, pad0, down, pad1, origin, pad2 }),
         layout!("ToneMap", ToneMap { exposure, operator_id, pixel_count, pad0 }),
     ]
 }

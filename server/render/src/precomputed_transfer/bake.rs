@@ -5,8 +5,9 @@ use std::time::{Duration, Instant};
 use proto::scene_file::{Filter, Orders};
 use scene::{Changes, Scene};
 
-use super::basis::{Basis, Flights, LightVector, mean_shown, photon_factor};
-use super::mass::{MOST_DEPTH, Mass};
+use super::basis::{Basis, LightVector, mean_shown, photon_factor};
+use super::buffers::{COUNTER_BYTES, COUNTERS, Held, batch_of, matrix_bytes};
+use super::mass::Mass;
 use super::passes::{GROUP, Variant};
 use crate::error::RenderError;
 use crate::gpu::{buffer_entry, texture_entry};
@@ -20,11 +21,8 @@ const MAX_BYTES: u64 = 2 << 30;
 const MAX_BYTES_SOFTWARE: u64 = 256 << 20;
 /// By how much a grid that does not fit is made coarser at a time.
 const COARSER: f64 = 0.85;
-/// Photons followed together. Part of the result: sums are rounded batch by batch.
-const BATCH: u32 = 65_536;
-const BATCH_SOFTWARE: u32 = 16_384;
 /// Directions marched between looks at the clock.
-const DIRECTIONS_AT_ONCE: u32 = 4;
+const DIRECTIONS_AT_ONCE: u32 = 2;
 /// Rays of an invocation: fewest and most.
 const RAYS: [u32; 2] = [2, 64];
 /// Numbers that an invocation may add up with its rays. All loops of eight lanes together end after
@@ -36,26 +34,24 @@ const STEPS: u32 = 16_384;
 const STEPS_SOFTWARE: u32 = 4096;
 /// Time a dispatch aims at.
 const DISPATCH_AIM: Duration = Duration::from_millis(50);
-/// Two words a counter, then one: see `counters` in shaders/precomputed_transfer/carry.wgsl.
-const COUNTERS: usize = 4;
-const COUNTER_BYTES: u64 = 8 * COUNTERS as u64 + 4;
 /// Most workgroups along an axis of a dispatch.
 const MAX_GROUPS: u32 = 65_535;
 /// Whole numbers that hold sums of photons stay below this.
 const MOST_COUNT: f64 = 1_073_741_824.0;
-/// How much heavier than all others together a basis light's share of photons is, at most; and a photon
-/// than it began. Both with room.
+/// What photons of a batch may add up to in one basis light, in even shares of one throughput each per
+/// interaction: functions are not quite alike, directions show more or less of the box, and surfaces may
+/// make a photon heavier.
 const HEAVIEST: f64 = 8.0;
 
 /// What a bake is made for, beside matter: another layout is another bake.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Layout {
-    lights: u32,
+    pub lights: u32,
     longest: u32,
-    nside: usize,
+    pub nside: usize,
     photons: u64,
     events: u32,
-    bands: u32,
+    pub bands: u32,
     orders: Orders,
     nearest: bool,
 }
@@ -95,7 +91,7 @@ pub struct Work {
 /// The bake of a session, finished or under way.
 pub struct Bake {
     layout: Layout,
-    /// What it is, or is becoming, the bake of.
+    /// What it is, or is becoming, the bake of: as it was when it began.
     scene: Scene,
     basis: Basis,
     mass: Mass,
@@ -113,49 +109,10 @@ pub struct Bake {
     pub peak_bytes: u64,
 }
 
-/// Buffers of a bake.
-struct Held {
-    settings: wgpu::Buffer,
-    frame: wgpu::Buffer,
-    row_texels: wgpu::Buffer,
-    texel_rows: wgpu::Buffer,
-    masses: wgpu::Buffer,
-    direct: wgpu::Buffer,
-    scattered: wgpu::Buffer,
-    lights: wgpu::Buffer,
-    /// What only the work needs; `None`: it is done.
-    work: Option<Workshop>,
-    entries: Vec<[u32; 2]>,
-}
-
-struct Workshop {
-    directions: wgpu::Buffer,
-    integrals: wgpu::Buffer,
-    flights: wgpu::Buffer,
-    flight_count: u32,
-    stride: u32,
-    sums: wgpu::Buffer,
-    paths: wgpu::Buffer,
-    counters: wgpu::Buffer,
-}
-
-impl Workshop {
-    fn buffers(&self) -> [&wgpu::Buffer; 6] {
-        [&self.directions, &self.integrals, &self.flights, &self.sums, &self.paths, &self.counters]
-    }
-}
-
 /// Whether albedo differs between red, green and blue.
 fn is_coloured(scene: &Scene) -> bool {
     let grey = |albedo: glam::DVec3| albedo.x == albedo.y && albedo.y == albedo.z;
     !scene.transfer_function.points.iter().all(|point| grey(point.albedo))
-}
-
-/// Bytes of the largest buffer, and of all matrices.
-fn matrix_bytes(rows: u64, lights: u32, bands: u32, coloured: bool) -> (u64, u64) {
-    let plane = 4 * rows * u64::from(lights) * u64::from(bands * bands);
-    let channels = if coloured { 3 } else { 1 };
-    (channels * plane, (1 + 2 * channels) * plane)
 }
 
 impl Bake {
@@ -213,11 +170,6 @@ impl Bake {
         !changes.volume && bins == 0 && !changes.clip && !changes.clip_shadows
     }
 
-    /// Takes the scene for its own, which it serves.
-    pub fn take_scene(&mut self, scene: &Scene) {
-        self.scene = scene.clone();
-    }
-
     pub fn is_complete(&self) -> bool {
         self.directions_done == self.directions && self.photons_done == self.layout.photons
     }
@@ -260,7 +212,6 @@ impl Bake {
     fn settings(&self, scene: &Scene) -> uniforms::Transfer {
         let size = scene.grid.size_world;
         let largest = f64::from(self.mass.largest);
-        let texel = (0..3).map(|axis| size[axis] / f64::from(self.mass.dims[axis])).sum::<f64>();
         let factor = photon_factor(size, self.photons_done, largest);
         uniforms::Transfer {
             dims: self.mass.dims,
@@ -274,7 +225,6 @@ impl Bake {
             mean_shown: mean_shown(size) as f32,
             photon_factor: if self.photons_done > 0 { factor as f32 } else { 0.0 },
             scale: 1.0,
-            most: (MOST_DEPTH * 3.0 / texel) as f32,
             ..uniforms::Transfer::default()
         }
     }
@@ -297,21 +247,36 @@ impl Bake {
         let mut entries = held.matter(inputs, &pipelines.sampler, distance_map).to_vec();
         entries.extend([
             texture_entry(12, quads),
-            buffer_entry(22, &workshop.directions),
-            buffer_entry(23, &workshop.integrals),
-            buffer_entry(24, &held.row_texels),
-            buffer_entry(25, &held.masses),
-            buffer_entry(26, &held.direct),
+            buffer_entry(22, &workshop.beams),
+            buffer_entry(24, &workshop.fallen),
+            buffer_entry(28, &held.texel_rows),
         ]);
-        let bind_group = pipelines.march.bind(gpu, &entries);
-        let pipeline = pipelines.march(variant);
+        let march = pipelines.march.bind(gpu, &entries);
+        let spread = pipelines.spread.bind(
+            gpu,
+            &[
+                buffer_entry(21, &held.settings),
+                buffer_entry(23, &workshop.integrals),
+                buffer_entry(24, &workshop.fallen),
+                buffer_entry(26, &held.direct),
+            ],
+        );
+        let beams = workshop.edge * workshop.edge;
+        let groups = beams.div_ceil(GROUP);
+        let columns = groups.min(MAX_GROUPS);
+        let settings = uniforms::Transfer {
+            unit: workshop.beam_unit,
+            beam_area: (workshop.area / f64::from(self.mass.largest)) as f32,
+            ..settings
+        };
         let last = (self.directions_done + DIRECTIONS_AT_ONCE).min(self.directions);
         for direction in self.directions_done..last {
             let [first_entry, last_entry] = held.entries[direction as usize];
             let settings = uniforms::Transfer { direction, first_entry, last_entry, ..settings };
             gpu.queue.write_buffer(&held.settings, 0, bytemuck::bytes_of(&settings));
-            gpu.dispatch(&pipeline, &bind_group, [settings.rows.div_ceil(GROUP), 1]);
-            work.rays += u64::from(settings.rows);
+            gpu.dispatch(&pipelines.march(variant), &march, [columns, groups.div_ceil(columns)]);
+            gpu.dispatch(&pipelines.spread(), &spread, [settings.rows.div_ceil(GROUP), 1]);
+            work.rays += u64::from(beams);
         }
         gpu.wait()?;
         self.directions_done = last;
@@ -327,7 +292,7 @@ impl Bake {
         let (Some(workshop), Some(majorants)) = (&held.work, inputs.majorants) else {
             return Err(RenderError::Gpu("a table of the view is missing".into()));
         };
-        let batch = if software { BATCH_SOFTWARE } else { BATCH };
+        let batch = batch_of(gpu);
         let begins = self.under_way == 0;
         if begins {
             self.under_way = u64::from(batch).min(self.layout.photons - self.photons_done) as u32;
@@ -440,87 +405,9 @@ fn unit_of(batch: u32, events: u32, lights: u32) -> f32 {
     (largest / MOST_COUNT).log2().ceil().exp2() as f32
 }
 
-impl Held {
-    fn new(
-        inputs: &Inputs<'_>,
-        layout: &Layout,
-        basis: &Basis,
-        mass: &Mass,
-        coloured: bool,
-    ) -> Result<Self, RenderError> {
-        let gpu = inputs.gpu;
-        let storage =
-            wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
-        let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
-        let filled = |label: &str, bytes: &[u8]| {
-            let buffer = gpu.buffer(label, bytes.len() as u64, storage)?;
-            gpu.queue.write_buffer(&buffer, 0, bytes);
-            Ok::<_, RenderError>(buffer)
-        };
-        let rows = mass.rows.len() as u64;
-        let (scattered, _) = matrix_bytes(rows, layout.lights, layout.bands, coloured);
-        let (direct, _) = matrix_bytes(rows, layout.lights, layout.bands, false);
-        let batch = if gpu.info().software { BATCH_SOFTWARE } else { BATCH };
-        let paths = u64::from(batch) * std::mem::size_of::<uniforms::Path>() as u64;
-        let directions = basis.directions(layout.nside, layout.bands as usize);
-        let Flights { texels, count, stride } = basis.flights();
-        let normalised: Vec<f32> = mass.rows.iter().map(|row| row.1 / mass.largest).collect();
-        let row_texels: Vec<u32> = mass.rows.iter().map(|row| row.0).collect();
-        Ok(Self {
-            settings: gpu.buffer("transfer", std::mem::size_of::<uniforms::Transfer>() as u64, storage)?,
-            frame: gpu.buffer("frame", std::mem::size_of::<uniforms::FrameUniform>() as u64, uniform)?,
-            row_texels: filled("texels of rows", bytemuck::cast_slice(&row_texels))?,
-            texel_rows: filled("rows of texels", bytemuck::cast_slice(&mass.rows_of_texels()))?,
-            masses: filled("extinction around texels", bytemuck::cast_slice(&normalised))?,
-            direct: gpu.buffer("matrices of direct light", direct, storage)?,
-            scattered: gpu.buffer("matrices of scattered light", scattered, storage)?,
-            lights: gpu.buffer("light vector", 16 * u64::from(layout.lights), storage)?,
-            work: Some(Workshop {
-                directions: filled("directions", bytemuck::cast_slice(&directions.towards))?,
-                integrals: filled("integrals of functions", bytemuck::cast_slice(&directions.integrals))?,
-                flights: filled("directions of photons", bytemuck::cast_slice(&texels))?,
-                flight_count: count,
-                stride,
-                sums: gpu.buffer("sums of photons", scattered, storage)?,
-                paths: gpu.buffer("photons at work", paths, storage)?,
-                counters: gpu.buffer("counters", COUNTER_BYTES, storage)?,
-            }),
-            entries: directions.entries,
-        })
-    }
-
-    fn bytes(&self) -> u64 {
-        let kept = [&self.row_texels, &self.texel_rows, &self.masses, &self.direct, &self.scattered];
-        let work = self.work.iter().flat_map(Workshop::buffers);
-        kept.into_iter().chain(work).map(wgpu::Buffer::size).sum()
-    }
-
-    fn write_frame(&self, inputs: &Inputs<'_>) {
-        let frame = crate::frame::scene_uniform(&inputs.snapshot.scene, inputs.texture);
-        inputs.gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&frame));
-    }
-
-    /// What passes through matter read; `cells`: distances to matter, or bounds of the extinction.
-    fn matter<'a>(
-        &'a self,
-        inputs: &Inputs<'a>,
-        sampler: &'a wgpu::Sampler,
-        cells: &'a wgpu::TextureView,
-    ) -> [wgpu::BindGroupEntry<'a>; 7] {
-        [
-            buffer_entry(0, &self.frame),
-            texture_entry(1, &inputs.tables.points),
-            texture_entry(2, &inputs.tables.cells),
-            texture_entry(7, &inputs.texture.view),
-            wgpu::BindGroupEntry { binding: 8, resource: wgpu::BindingResource::Sampler(sampler) },
-            texture_entry(9, cells),
-            buffer_entry(21, &self.settings),
-        ]
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::buffers::{BATCH, BATCH_SOFTWARE};
     use super::*;
 
     #[test]
@@ -532,13 +419,5 @@ mod tests {
             // A usual share has two digits.
             assert!(0.01 / unit > 80.0 || events > 100, "{unit}");
         }
-    }
-
-    #[test]
-    fn matrices_of_colour_take_three_planes_for_photons_and_one_for_the_rest() {
-        let (largest, all) = matrix_bytes(1000, 42, 1, false);
-        assert_eq!((largest, all), (168_000, 504_000));
-        let (largest, all) = matrix_bytes(1000, 42, 3, true);
-        assert_eq!((largest, all), (27 * 168_000, 63 * 168_000));
     }
 }

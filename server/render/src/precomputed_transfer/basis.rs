@@ -39,7 +39,7 @@ pub struct Flights {
 /// Directions that light is marched from.
 pub struct Directions {
     /// Unit vectors towards the light.
-    pub towards: Vec<[f32; 4]>,
+    pub towards: Vec<DVec3>,
     /// Of each function in a direction's pixel: its index, and its integrals with each spherical
     /// harmonic.
     pub integrals: Vec<f32>,
@@ -111,7 +111,6 @@ impl Basis {
                 sums.iter_mut().zip(harmonics).for_each(|(sum, y)| *sum += share * y);
             }
         }
-        let towards = healpix::centres(nside).iter().map(|w| w.extend(0.0).as_vec4().to_array()).collect();
         let (mut integrals, mut entries, mut count) = (Vec::new(), Vec::new(), 0);
         for pixel in pixels {
             let first = count;
@@ -122,7 +121,7 @@ impl Basis {
             }
             entries.push([first, count]);
         }
-        Directions { towards, integrals, entries }
+        Directions { towards: healpix::centres(nside), integrals, entries }
     }
 
     /// Of each function what makes its sum over pixels its integral.

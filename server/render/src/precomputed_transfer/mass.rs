@@ -6,8 +6,6 @@ use crate::gpu::{buffer_entry, texture_entry};
 use crate::illumination::Inputs;
 use crate::uniforms;
 
-/// `MOST_DEPTH` of shaders/photon_map/mass.wgsl.
-pub const MOST_DEPTH: f64 = 2.0;
 /// No row: as in shaders/precomputed_transfer/.
 const NO_ROW: u32 = u32::MAX;
 /// Eight sums of extinction a cell, f32.
@@ -111,8 +109,7 @@ mod tests {
 
     #[test]
     fn constants_are_those_of_the_shaders() {
-        assert!(shaders::ADD_UP_MASS.contains(&format!("const MOST_DEPTH = {MOST_DEPTH:.1};")));
-        for shader in [shaders::CARRY_PHOTONS, shaders::RELIGHT] {
+        for shader in [shaders::CARRY_PHOTONS, shaders::RELIGHT, shaders::MARCH_TRANSFER] {
             assert!(shader.contains(&format!("const NO_ROW = {NO_ROW:#x}u;")));
         }
     }

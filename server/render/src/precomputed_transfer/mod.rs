@@ -3,6 +3,8 @@
 
 mod bake;
 mod basis;
+mod beams;
+mod buffers;
 mod mass;
 mod passes;
 #[cfg(test)]
@@ -20,6 +22,7 @@ use crate::error::RenderError;
 use crate::illumination::{Inputs, Progress};
 use crate::light_field::LightField;
 use bake::{Bake, Work};
+use basis::LightVector;
 pub(crate) use passes::Pipelines;
 
 /// Refuses lights that are not at infinity, in words.
@@ -44,8 +47,8 @@ pub(crate) fn check(scene: &Scene) -> Result<(), FieldError> {
 #[derive(Default)]
 pub(crate) struct PrecomputedTransfer {
     bake: Option<Bake>,
-    /// The lights that the field is of.
-    lit: Option<Vec<Light>>,
+    /// The lights that the field is of, and what they are made of.
+    lit: Option<(Vec<Light>, LightVector)>,
 }
 
 impl PrecomputedTransfer {
@@ -66,7 +69,6 @@ impl PrecomputedTransfer {
         let Some(bake) = &mut self.bake else {
             return Err(RenderError::Gpu("a bake is missing".into()));
         };
-        bake.take_scene(scene);
         let mut work = Work::default();
         let works = !bake.is_complete();
         while !bake.is_complete() {
@@ -75,11 +77,15 @@ impl PrecomputedTransfer {
                 break;
             }
         }
-        let changed = works || self.lit.as_ref() != Some(&scene.lights);
+        let kept = self.lit.take().filter(|(lights, _)| *lights == scene.lights);
+        let changed = works || kept.is_none();
+        let lit = match kept {
+            Some(lit) => lit,
+            None => (scene.lights.clone(), bake.light_of(scene)),
+        };
+        let (_, light) = self.lit.insert(lit);
         if changed {
-            let light = bake.light_of(scene);
-            bake.relight(inputs, &light)?;
-            self.lit = Some(scene.lights.clone());
+            bake.relight(inputs, light)?;
         }
         let mut count = |name: &str, value: u64| counters.insert(name.to_owned(), value);
         count("transfer_rays_marched", work.rays);

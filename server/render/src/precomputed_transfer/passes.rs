@@ -44,6 +44,7 @@ impl Variant {
 pub struct Pipelines {
     gpu: Arc<Gpu>,
     pub march: Module,
+    pub spread: Module,
     pub enter: Module,
     pub carry: Module,
     pub take_in: Module,
@@ -149,13 +150,15 @@ impl Pipelines {
         let matter =
             [(0, Uniform), (1, Table), (2, Table), (7, Volume), (8, Sampler), (9, Cells), (21, Read)];
         let with = |more: &[Entry]| matter.iter().chain(more).copied().collect::<Vec<_>>();
-        let march = with(&[(12, Volume), (22, Read), (23, Read), (24, Read), (25, Read), (26, Write)]);
+        let march = with(&[(12, Volume), (22, Read), (24, Write), (28, Read)]);
+        let spread = [(21, Read), (23, Read), (24, Write), (26, Write)];
         let enter = [(0, Uniform), (10, Write), (21, Read), (27, Read)];
         let carry = with(&[(3, Uniform), (6, Write), (10, Write), (27, Read), (28, Read), (29, Write)]);
         let take_in = [(21, Read), (24, Write), (29, Write)];
         let relight = [(21, Read), (24, Write), (25, Read), (26, Read), (28, Read), (30, Read), (31, Field)];
         Self {
             march: Module::new(&gpu, "march_transfer", shaders::MARCH_TRANSFER, &march),
+            spread: Module::new(&gpu, "spread_beams", shaders::SPREAD_BEAMS, &spread),
             enter: Module::new(&gpu, "enter_photons", shaders::CARRY_PHOTONS, &enter),
             carry: Module::new(&gpu, "carry_photons", shaders::CARRY_PHOTONS, &carry),
             take_in: Module::new(&gpu, "take_in", shaders::RELIGHT, &take_in),
@@ -171,6 +174,10 @@ impl Pipelines {
         // All that differs otherwise is not in this module.
         let variant = Variant { bands: 0, coloured: false, features: Features::default(), ..variant };
         self.march.compiled(&self.gpu, Some(variant), &constants)
+    }
+
+    pub fn spread(&self) -> wgpu::ComputePipeline {
+        self.spread.compiled(&self.gpu, None, &[])
     }
 
     pub fn enter(&self) -> wgpu::ComputePipeline {
