@@ -228,7 +228,7 @@ const PRECOMPUTED_TRANSFER: Entry = Entry {
         light(
             "162 lights, 32 texels",
             r#"{"illumination": {"transfer_lights": 162, "transfer_grid": 32, "transfer_photons": 131072}}"#,
-            true,
+            false,
         ),
         light(
             "642 lights, 32 texels",
