@@ -372,7 +372,7 @@ impl Bake {
     }
 
     /// Light times matrices into the field.
-    pub fn relight(&self, inputs: &Inputs<'_>, light: &LightVector) -> Result<(), RenderError> {
+    pub fn relight(&mut self, inputs: &Inputs<'_>, light: &LightVector) -> Result<(), RenderError> {
         let (gpu, scene, pipelines) = (inputs.gpu, &inputs.snapshot.scene, inputs.transfer_pipelines);
         self.field.set_scale(light.scale);
         let Some(held) = &self.held else { return Ok(()) };
