@@ -98,6 +98,10 @@ pub mod limits {
     pub const MAX_RECORDS: u32 = 100;
     /// Directions that its records may look in.
     pub const RECORD_DIRECTIONS: [u32; 4] = [12, 48, 192, 768];
+    /// Lights that any light from infinity may be made of, in method `precomputed_transfer`.
+    pub const TRANSFER_LIGHTS: [u32; 3] = [42, 162, 642];
+    /// Directions that its light may be marched from.
+    pub const TRANSFER_DIRECTIONS: [u32; 4] = [48, 192, 768, 3072];
     /// Bands of spherical harmonics.
     pub const MAX_BANDS: u32 = 6;
     /// Most segments a view ray is kept in.
@@ -837,6 +841,21 @@ pub struct Illumination {
     pub record_lookup: RecordLookup,
     /// `image_based`: damps the higher bands of the light, against ringing.
     pub record_window: bool,
+    /// `precomputed_transfer`: lights that any light from infinity is made of: 42, 162 or 642.
+    pub transfer_lights: u32,
+    /// `precomputed_transfer`: texels of the baked light along the volume's longest edge, 4..128; fewer
+    /// where memory does not suffice.
+    pub transfer_grid: u32,
+    /// `precomputed_transfer`: directions that light is marched from which is not scattered before:
+    /// 48, 192, 768 or 3072.
+    pub transfer_directions: u32,
+    /// `precomputed_transfer`: photons of the bake, 1..16777216.
+    pub transfer_photons: u32,
+    /// `precomputed_transfer`: most interactions of a photon, 1..256. What is lost by it is counted.
+    pub transfer_events: u32,
+    /// `precomputed_transfer`: bands of spherical harmonics that hold the light where matter is not
+    /// isotropic, 1..6.
+    pub transfer_bands: u32,
 }
 
 /// How light is carried from its source over the grid, in method `convection_diffusion`.
@@ -917,6 +936,12 @@ impl Default for Illumination {
             record_form: RecordForm::default(),
             record_lookup: RecordLookup::default(),
             record_window: false,
+            transfer_lights: 162,
+            transfer_grid: 32,
+            transfer_directions: 192,
+            transfer_photons: 262_144,
+            transfer_events: 32,
+            transfer_bands: 3,
         }
     }
 }

@@ -51,6 +51,7 @@ pub(crate) fn scene(scene: &SceneFile) -> Checked {
         format!("must be 12, 48, 192 or 768, got {directions}")
     })?;
     within("illumination.record_bands", f64::from(illumination.record_bands), 1.0, f64::from(MAX_BANDS))?;
+    transfer(illumination)?;
     let sampling = &scene.sampling;
     within("sampling.step_voxels", sampling.step_voxels, 1.0 / 16.0, 8.0)?;
     within("sampling.samples_per_pixel", f64::from(sampling.samples_per_pixel), 1.0, 4096.0)?;
@@ -65,6 +66,24 @@ pub(crate) fn scene(scene: &SceneFile) -> Checked {
     within("film.exposure_stops", scene.film.exposure_stops, -20.0, 20.0)?;
     within("image.width", f64::from(scene.image.width), 1.0, f64::from(MAX_IMAGE_EDGE))?;
     within("image.height", f64::from(scene.image.height), 1.0, f64::from(MAX_IMAGE_EDGE))
+}
+
+/// Settings of method `precomputed_transfer`.
+fn transfer(illumination: &Illumination) -> Checked {
+    let (lights, directions) = (illumination.transfer_lights, illumination.transfer_directions);
+    require("illumination.transfer_lights", TRANSFER_LIGHTS.contains(&lights), || {
+        format!("must be 42, 162 or 642, got {lights}")
+    })?;
+    require("illumination.transfer_directions", TRANSFER_DIRECTIONS.contains(&directions), || {
+        format!("must be 48, 192, 768 or 3072, got {directions}")
+    })?;
+    let whole = |field: &str, value: u32, low: f64, high: f64| {
+        within(&format!("illumination.transfer_{field}"), f64::from(value), low, high)
+    };
+    whole("grid", illumination.transfer_grid, 4.0, 128.0)?;
+    whole("photons", illumination.transfer_photons, 1.0, f64::from(MAX_PHOTONS))?;
+    whole("events", illumination.transfer_events, 1.0, 256.0)?;
+    whole("bands", illumination.transfer_bands, 1.0, f64::from(MAX_BANDS))
 }
 
 fn ascending(field: &str, interval: Option<[f64; 2]>) -> Checked {

@@ -17,6 +17,7 @@ use crate::gpu::Gpu;
 use crate::image_based::{self, ImageBased};
 use crate::light_field::LightField;
 use crate::photon_map::{PhotonMap, PhotonPipelines};
+use crate::precomputed_transfer::{self, PrecomputedTransfer};
 use crate::stale_shares;
 use crate::view::{EnvironmentTables, LightTables, TransferFunctionTables};
 use crate::volume_texture::VolumeTexture;
@@ -66,6 +67,7 @@ pub(crate) struct Inputs<'a> {
     pub photon_pipelines: &'a PhotonPipelines,
     pub direct_light: &'a Arc<direct_light::Passes>,
     pub convection_diffusion: &'a convection_diffusion::Pipelines,
+    pub transfer_pipelines: &'a precomputed_transfer::Pipelines,
 }
 
 /// How far a method has got.
@@ -84,6 +86,7 @@ enum Lit {
     PhotonMap(Box<PhotonMap>),
     ImageBased(Box<ImageBased>),
     ConvectionDiffusion(Box<ConvectionDiffusion>),
+    PrecomputedTransfer(Box<PrecomputedTransfer>),
     /// A field from elsewhere.
     #[cfg(test)]
     Given(Box<LightField>),
@@ -216,6 +219,7 @@ impl Lit {
             Method::ConvectionDiffusion => {
                 Ok(Lit::ConvectionDiffusion(Box::new(ConvectionDiffusion::new(inputs)?)))
             }
+            Method::PrecomputedTransfer => Ok(Lit::PrecomputedTransfer(Box::default())),
             other => Err(RenderError::Gpu(format!("`{}` keeps no light", other.name()))),
         }
     }
@@ -232,6 +236,7 @@ impl Lit {
             #[cfg(test)]
             Lit::Given(_) => Ok(Progress { complete: true, completeness: 1.0, changed: true }),
             Lit::ConvectionDiffusion(light) => light.advance(inputs, deadline, counters),
+            Lit::PrecomputedTransfer(light) => light.advance(inputs, deadline, counters),
         }
     }
 
@@ -240,6 +245,7 @@ impl Lit {
             Lit::ImageBased(records) => records.field(),
             Lit::PhotonMap(map) => Some(map.field()),
             Lit::ConvectionDiffusion(light) => light.field(),
+            Lit::PrecomputedTransfer(light) => light.field(),
             #[cfg(test)]
             Lit::Given(field) => Some(field),
         }
@@ -250,6 +256,7 @@ impl Lit {
             Lit::ImageBased(records) => records.bytes(),
             Lit::PhotonMap(map) => map.bytes(),
             Lit::ConvectionDiffusion(light) => light.bytes(),
+            Lit::PrecomputedTransfer(light) => light.bytes(),
             #[cfg(test)]
             Lit::Given(field) => field.bytes(),
         }

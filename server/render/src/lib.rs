@@ -17,6 +17,7 @@ mod image_based;
 mod light_field;
 mod path_tracer;
 mod photon_map;
+mod precomputed_transfer;
 mod ray_cast;
 mod renderer;
 #[cfg(test)]

@@ -117,6 +117,7 @@ pub const TRACE_PHOTONS: &str = parts!(
     "shared/path.wgsl",
     "shared/scatter.wgsl",
     "shared/tracking.wgsl",
+    "shared/onward.wgsl",
     "shared/sh.wgsl",
     "photon_map/history.wgsl",
     "photon_map/deposit.wgsl",
@@ -149,6 +150,47 @@ pub const ADD_UP_MASS: &str =
 
 /// `fill_field`.
 pub const FILL_FIELD: &str = parts!("photon_map/fill.wgsl");
+
+/// `march_transfer` of method `precomputed_transfer`.
+pub const MARCH_TRANSFER: &str = parts!(
+    "shared/features.wgsl",
+    "shared/frame.wgsl",
+    "shared/ray.wgsl",
+    "shared/medium.wgsl",
+    "shared/phase.wgsl",
+    "shared/place.wgsl",
+    "ray_cast/way.wgsl",
+    "ray_cast/cells.wgsl",
+    "ray_cast/pieces.wgsl",
+    "precomputed_transfer/transfer.wgsl",
+    "precomputed_transfer/direct.wgsl",
+);
+
+/// `spread_beams`.
+pub const SPREAD_BEAMS: &str =
+    parts!("precomputed_transfer/transfer.wgsl", "precomputed_transfer/spread.wgsl");
+
+/// `enter_photons` and `carry_photons`.
+pub const CARRY_PHOTONS: &str = parts!(
+    "shared/features.wgsl",
+    "shared/frame.wgsl",
+    "shared/ray.wgsl",
+    "shared/medium.wgsl",
+    "shared/phase.wgsl",
+    "shared/brdf.wgsl",
+    "shared/random.wgsl",
+    "shared/place.wgsl",
+    "shared/path.wgsl",
+    "shared/scatter.wgsl",
+    "shared/tracking.wgsl",
+    "shared/onward.wgsl",
+    "shared/sh.wgsl",
+    "precomputed_transfer/transfer.wgsl",
+    "precomputed_transfer/carry.wgsl",
+);
+
+/// `take_in` and `relight`.
+pub const RELIGHT: &str = parts!("precomputed_transfer/transfer.wgsl", "precomputed_transfer/relight.wgsl");
 
 /// `light_coefficients`: matter in the cells of the light grid.
 pub const LIGHT_COEFFICIENTS: &str = parts!(
@@ -223,6 +265,10 @@ pub const ALL: &[(&str, &str)] = &[
     ("take_up", TAKE_UP),
     ("add_up_mass", ADD_UP_MASS),
     ("fill_field", FILL_FIELD),
+    ("march_transfer", MARCH_TRANSFER),
+    ("spread_beams", SPREAD_BEAMS),
+    ("carry_photons", CARRY_PHOTONS),
+    ("relight", RELIGHT),
     ("light_coefficients", LIGHT_COEFFICIENTS),
     ("march_lines", MARCH_LINES),
     ("gather_lines", GATHER_LINES),

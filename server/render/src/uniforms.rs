@@ -397,6 +397,50 @@ pub struct Records {
     pub eye: [f32; 4],
 }
 
+/// `Transfer` of shaders/precomputed_transfer/transfer.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct Transfer {
+    pub dims: [u32; 3],
+    pub bases: u32,
+    pub rows: u32,
+    pub bands: u32,
+    pub channels: u32,
+    pub clip_shadows: u32,
+    pub first: u32,
+    pub count: u32,
+    pub events: u32,
+    pub photon_rays: u32,
+    pub steps: u32,
+    pub flights: u32,
+    pub stride: u32,
+    pub direction: u32,
+    pub first_entry: u32,
+    pub last_entry: u32,
+    pub unit: f32,
+    pub mean_shown: f32,
+    pub photon_factor: f32,
+    pub scale: f32,
+    pub beam_area: f32,
+    pub pad0: u32,
+}
+
+/// `Beams` of shaders/precomputed_transfer/direct.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct Beams {
+    pub towards: [f32; 3],
+    pub edge: u32,
+    pub across: [f32; 3],
+    pub pad0: f32,
+    pub down: [f32; 3],
+    pub pad1: f32,
+    pub origin: [f32; 3],
+    pub pad2: f32,
+}
+
 /// Field names and offsets of a struct, to be compared with naga's.
 pub type Layout = (&'static str, usize, Vec<(&'static str, usize)>);
 
@@ -617,6 +661,34 @@ pub fn layouts() -> Vec<Layout> {
                 eye,
             }
         ),
+        layout!(
+            "Transfer",
+            Transfer {
+                dims,
+                bases,
+                rows,
+                bands,
+                channels,
+                clip_shadows,
+                first,
+                count,
+                events,
+                photon_rays,
+                steps,
+                flights,
+                stride,
+                direction,
+                first_entry,
+                last_entry,
+                unit,
+                mean_shown,
+                photon_factor,
+                scale,
+                beam_area,
+                pad0,
+            }
+        ),
+        layout!("Beams", Beams { towards, edge, across, pad0, down, pad1, origin, pad2 }),
         layout!("ToneMap", ToneMap { exposure, operator_id, pixel_count, pad0 }),
     ]
 }

@@ -231,7 +231,8 @@ impl Plan {
             let wanted = paths_or_rays_run || light_verdict.is_ok();
             if wanted { verdict } else { Err("no ray will be cast".to_owned()) }
         };
-        let tracks = integrator == Integrator::PathTracer || scene.method == Method::PhotonMap;
+        let tracks = integrator == Integrator::PathTracer
+            || matches!(scene.method, Method::PhotonMap | Method::PrecomputedTransfer);
         let tracked = |verdict: Verdict| {
             if tracks { verdict } else { Err("no paths are followed".to_owned()) }
         };
@@ -416,7 +417,8 @@ pub fn changes_of_light(old: &Scene, new: &Scene) -> Changes {
     let changes = Changes::between(old, new);
     // Clipped matter that blocks light all the same makes no difference to light that is not scattered
     // twice.
-    let clips = |scene: &Scene| !scene.clip.shadows || scene.method == Method::PhotonMap;
+    let scatters_on = |scene: &Scene| matches!(scene.method, Method::PhotonMap | Method::PrecomputedTransfer);
+    let clips = |scene: &Scene| !scene.clip.shadows || scatters_on(scene);
     Changes {
         bins: changes.bins & new.volume.macrocells.occurring(new.filter),
         clip: changes.clip && (clips(old) || clips(new)),

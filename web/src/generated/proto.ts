@@ -564,7 +564,34 @@ record_lookup: RecordLookup,
 /**
  * `image_based`: damps the higher bands of the light, against ringing.
  */
-record_window: boolean, };
+record_window: boolean, 
+/**
+ * `precomputed_transfer`: lights that any light from infinity is made of: 42, 162 or 642.
+ */
+transfer_lights: number, 
+/**
+ * `precomputed_transfer`: texels of the baked light along the volume's longest edge, 4..128; fewer
+ * where memory does not suffice.
+ */
+transfer_grid: number, 
+/**
+ * `precomputed_transfer`: directions that light is marched from which is not scattered before:
+ * 48, 192, 768 or 3072.
+ */
+transfer_directions: number, 
+/**
+ * `precomputed_transfer`: photons of the bake, 1..16777216.
+ */
+transfer_photons: number, 
+/**
+ * `precomputed_transfer`: most interactions of a photon, 1..256. What is lost by it is counted.
+ */
+transfer_events: number, 
+/**
+ * `precomputed_transfer`: bands of spherical harmonics that hold the light where matter is not
+ * isotropic, 1..6.
+ */
+transfer_bands: number, };
 
 export type LightTransport = "characteristics" | "upwind" | "explicit";
 

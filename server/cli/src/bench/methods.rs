@@ -80,7 +80,8 @@ const fn photons(label: &'static str, patch: &'static str, quick: bool) -> Setti
 }
 
 /// Every method built.
-pub const LADDER: &[Entry] = &[LOCAL_ENTRY, CONVECTION_DIFFUSION, IMAGE_BASED, PHOTON_MAP, PATH_TRACED];
+pub const LADDER: &[Entry] =
+    &[LOCAL_ENTRY, CONVECTION_DIFFUSION, IMAGE_BASED, PRECOMPUTED_TRANSFER, PHOTON_MAP, PATH_TRACED];
 
 const LOCAL_ENTRY: Entry = Entry {
     method: Method::Local,
@@ -220,6 +221,44 @@ const IMAGE_BASED: Entry = Entry {
     weak_at: &[],
     work: "record_cells_taken",
     truncated: |_| None,
+};
+
+const PRECOMPUTED_TRANSFER: Entry = Entry {
+    method: Method::PrecomputedTransfer,
+    judge: FULL,
+    settings: &[
+        light(
+            "42 lights, 16 texels",
+            r#"{"illumination": {"transfer_lights": 42, "transfer_grid": 16, "transfer_directions": 48, "transfer_photons": 32768}}"#,
+            true,
+        ),
+        light(
+            "162 lights, 32 texels",
+            r#"{"illumination": {"transfer_lights": 162, "transfer_grid": 32, "transfer_photons": 131072}}"#,
+            false,
+        ),
+        light(
+            "642 lights, 32 texels",
+            r#"{"illumination": {"transfer_lights": 642, "transfer_grid": 32, "transfer_directions": 768, "transfer_photons": 262144}}"#,
+            false,
+        ),
+        light(
+            "162 lights, 48 texels",
+            r#"{"illumination": {"transfer_lights": 162, "transfer_grid": 48, "transfer_photons": 1048576}}"#,
+            false,
+        ),
+    ],
+    usual: 0,
+    // The same photons every time.
+    noisy: false,
+    off_by_at_most: 0.3,
+    weak_at: &[],
+    work: "transfer_rays_marched",
+    truncated: |counters| {
+        let count = |name: &str| counters.get(name).copied().unwrap_or(0) as f64;
+        let photons = count("transfer_photons_traced");
+        (photons > 0.0).then(|| count("throughput_cut_1024ths") / 1024.0 / photons)
+    },
 };
 
 const PATH_TRACED: Entry = Entry {

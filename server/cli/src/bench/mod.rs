@@ -1,6 +1,7 @@
 //! `tyndall bench`: suites of measurements, each written as CSV, JSON and a plot.
 
 mod accuracy;
+mod bases;
 mod bone;
 mod display;
 mod drawing;
@@ -37,6 +38,8 @@ enum Suite {
     Edits,
     /// Error against the step length, for smooth and sharp transfer functions.
     Steps,
+    /// Light from infinity in few functions: error, projection and evaluation of each basis.
+    Bases,
     /// Frames per second, latency and bytes of a streamed session.
     Stream,
     /// Many viewers at once: what each gets, how evenly, and what a long job beside them costs.
@@ -89,7 +92,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
             Suite::Accuracy => drop(accuracy::chosen(&arguments.scenes, arguments.quick)?),
             Suite::Skip | Suite::Steps => drop(chosen_scenes(&arguments.scenes)?),
             Suite::Stability => drop(chosen_methods(&arguments.methods)?),
-            Suite::Edits | Suite::Stream | Suite::Load => {}
+            Suite::Edits | Suite::Bases | Suite::Stream | Suite::Load => {}
         }
     }
     suites.into_iter().try_for_each(|suite| run_suite(suite, arguments))
@@ -112,6 +115,7 @@ fn run_suite(suite: Suite, arguments: &Arguments) -> anyhow::Result<()> {
         Suite::Skip => skip::run(&chosen_scenes(&arguments.scenes)?, arguments.quick, out),
         Suite::Steps => steps::run(&chosen_scenes(&arguments.scenes)?, out),
         Suite::Edits => edits::run(out),
+        Suite::Bases => bases::run(out),
         Suite::Stream => stream::run(out),
         Suite::Load => load::run(out),
     }

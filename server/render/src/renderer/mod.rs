@@ -25,6 +25,7 @@ use crate::illumination::Inputs;
 use crate::image_based;
 use crate::path_tracer::{PathTracer, PathVariant};
 use crate::photon_map::PhotonPipelines;
+use crate::precomputed_transfer;
 use crate::ray_cast::{RayCaster, Variant, WORKGROUP_EDGE};
 use crate::stale_shares;
 use crate::tables;
@@ -39,8 +40,7 @@ pub use tracing::PathEstimate;
 pub(crate) use tracing::PathFilm;
 
 /// Methods that can be drawn.
-pub const METHODS_BUILT: &[Method] =
-    &[Method::Local, Method::ConvectionDiffusion, Method::ImageBased, Method::PhotonMap, Method::PathTraced];
+pub const METHODS_BUILT: &[Method] = &Method::ALL;
 
 /// Light computed ahead may take this share of a call's budget; the rest is for the picture.
 const LIGHT_SHARE_OF_BUDGET: f64 = 0.5;
@@ -56,6 +56,7 @@ pub struct Renderer {
     pub(crate) direct_light: Arc<direct_light::Passes>,
     tone_mapper: ToneMapper,
     convection_diffusion: convection_diffusion::Pipelines,
+    pub(crate) transfer_pipelines: precomputed_transfer::Pipelines,
 }
 
 /// What is wanted of one call of [`Renderer::draw`].
@@ -179,9 +180,10 @@ pub fn check(scene: &Scene) -> Result<(), FieldError> {
     }
     if METHODS_BUILT.contains(&scene.method) {
         // Projections and slices show data, not light.
-        let takes_images = matches!(scene.method, Method::ImageBased | Method::PhotonMap);
+        let takes_images =
+            matches!(scene.method, Method::ImageBased | Method::PhotonMap | Method::PrecomputedTransfer);
         if !scene.rendering.is_lit() || takes_images && scene.has_light_field() {
-            return Ok(());
+            return check_method(scene);
         }
         let Some(light) = scene.lights.iter().find(image) else { return check_method(scene) };
         let who = match scene.rendering {
@@ -200,6 +202,7 @@ pub fn check(scene: &Scene) -> Result<(), FieldError> {
 fn check_method(scene: &Scene) -> Result<(), FieldError> {
     match scene.method {
         Method::ConvectionDiffusion if scene.has_light_field() => convection_diffusion::check(scene),
+        Method::PrecomputedTransfer if scene.has_light_field() => precomputed_transfer::check(scene),
         _ => Ok(()),
     }
 }
@@ -216,6 +219,7 @@ impl Renderer {
         let record_passes = Arc::new(image_based::Passes::new(gpu.clone()));
         let direct_light = Arc::new(direct_light::Passes::new(gpu.clone()));
         let photon_pipelines = Arc::new(PhotonPipelines::new(gpu.clone()));
+        let transfer_pipelines = precomputed_transfer::Pipelines::new(gpu.clone());
         let tone_mapper = ToneMapper::new(gpu.clone())?;
         gpu.take_error()?;
         let convection_diffusion = convection_diffusion::Pipelines::default();
@@ -226,6 +230,7 @@ impl Renderer {
             path_tracer,
             photon_pipelines,
             convection_diffusion,
+            transfer_pipelines,
             record_passes,
             direct_light,
             tone_mapper,
@@ -393,6 +398,7 @@ impl Renderer {
             environment: view.environment.as_ref().map(|(_, tables)| tables),
             photon_pipelines: &self.photon_pipelines,
             convection_diffusion: &self.convection_diffusion,
+            transfer_pipelines: &self.transfer_pipelines,
         })
     }
 

@@ -7,8 +7,12 @@
 
 use std::f64::consts::PI;
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use proto::scene_file::{Brdf, Phase};
+use rayon::prelude::*;
+
+use super::healpix;
+use super::sky::{FINE_NSIDE, Sky};
 
 /// Most bands.
 pub const MAX_BANDS: usize = 6;
@@ -24,6 +28,19 @@ pub const COSINE: Bands = [PI, 2.0 * PI / 3.0, PI / 4.0, 0.0, -PI / 24.0, 0.0];
 /// The first `bands` bands, 1..=6, at a unit direction: `bands^2` values, the others 0.
 pub fn basis(bands: usize, direction: DVec3) -> [f64; MAX_COEFFICIENTS] {
     let mut values = [0.0; MAX_COEFFICIENTS];
+    legendre(bands, direction, |l, m, cosine, sine| {
+        let (n, centre) = (normalisation(l, m), l * (l + 1));
+        values[centre + m] = n * cosine;
+        if m > 0 {
+            values[centre - m] = n * sine;
+        }
+    });
+    values
+}
+
+/// Associated Legendre functions without the phase, of the first `bands` bands, times cosine and sine
+/// of m azimuths: `(l, m, P cos, P sin)` for 0 <= m <= l.
+fn legendre(bands: usize, direction: DVec3, mut take: impl FnMut(usize, usize, f64, f64)) {
     let (x, y, z) = (direction.x, direction.y, direction.z);
     // sin^m(theta) times cosine and sine of m azimuths.
     let (mut cosine, mut sine) = (1.0, 0.0);
@@ -32,22 +49,95 @@ pub fn basis(bands: usize, direction: DVec3) -> [f64; MAX_COEFFICIENTS] {
     for m in 0..bands {
         let (mut before, mut legendre) = (0.0, first);
         for l in m..bands {
-            let n = normalisation(l, m);
-            let centre = l * (l + 1);
-            if m == 0 {
-                values[centre] = n * legendre;
-            } else {
-                values[centre + m] = n * legendre * cosine;
-                values[centre - m] = n * legendre * sine;
-            }
+            take(l, m, legendre * cosine, legendre * sine);
             let next = ((2 * l + 1) as f64 * z * legendre - (l + m) as f64 * before) / (l + 1 - m) as f64;
             (before, legendre) = (legendre, next);
         }
         first *= (2 * m + 1) as f64;
         (cosine, sine) = (cosine * x - sine * y, cosine * y + sine * x);
     }
-    values
 }
+
+/// Most bands of [`Harmonics`].
+pub const MAX_LIGHT_BANDS: usize = 26;
+
+/// Spherical harmonics of more bands, as a basis for light.
+#[derive(Debug, Clone)]
+pub struct Harmonics {
+    bands: usize,
+    /// At `l (l + 1) + m`, m >= 0.
+    normalisations: Vec<f64>,
+}
+
+impl Harmonics {
+    /// `bands` 1..=26.
+    pub fn new(bands: usize) -> Self {
+        let bands = bands.clamp(1, MAX_LIGHT_BANDS);
+        let mut normalisations = vec![0.0; bands * bands];
+        for l in 0..bands {
+            (0..=l).for_each(|m| normalisations[l * (l + 1) + m] = normalisation(l, m));
+        }
+        Self { bands, normalisations }
+    }
+
+    /// Basis functions: the square of the bands.
+    pub fn count(&self) -> usize {
+        self.bands * self.bands
+    }
+
+    /// All functions at a unit direction, into `values`.
+    pub fn values(&self, direction: DVec3, values: &mut [f64]) {
+        legendre(self.bands, direction, |l, m, cosine, sine| {
+            let centre = l * (l + 1);
+            let n = self.normalisations[centre + m];
+            values[centre + m] = n * cosine;
+            if m > 0 {
+                values[centre - m] = n * sine;
+            }
+        });
+    }
+
+    /// The function with these coefficients at a unit direction.
+    pub fn evaluate(&self, coefficients: &[DVec3], direction: DVec3) -> DVec3 {
+        let mut values = vec![0.0; self.count()];
+        self.values(direction, &mut values);
+        coefficients.iter().zip(values).map(|(c, y)| *c * y).sum()
+    }
+
+    /// Coefficients of an environment turned by `world_from_map`: integrals of radiance times each
+    /// function.
+    pub fn project(&self, sky: &Sky, world_from_map: DMat3) -> Vec<DVec3> {
+        let centres = healpix::centres(FINE_NSIDE);
+        let flux = sky.coarser(FINE_NSIDE);
+        let pixels: Vec<usize> = (0..centres.len()).collect();
+        // In pieces of fixed size, summed in order: threads make no difference.
+        let piece = |pixels: &[usize]| {
+            let (mut sums, mut values) = (vec![DVec3::ZERO; self.count()], vec![0.0; self.count()]);
+            for &pixel in pixels {
+                self.values(world_from_map * centres[pixel], &mut values);
+                sums.iter_mut().zip(&values).for_each(|(sum, y)| *sum += flux[pixel] * *y);
+            }
+            sums
+        };
+        let pieces: Vec<Vec<DVec3>> = pixels.par_chunks(PIXELS_AT_ONCE).map(piece).collect();
+        let mut sums = vec![DVec3::ZERO; self.count()];
+        for piece in pieces {
+            sums.iter_mut().zip(piece).for_each(|(sum, more)| *sum += more);
+        }
+        sums
+    }
+
+    /// Coefficients of light from one unit direction with this irradiance on a plane it is
+    /// perpendicular to.
+    pub fn directional(&self, towards: DVec3, irradiance: DVec3) -> Vec<DVec3> {
+        let mut values = vec![0.0; self.count()];
+        self.values(towards, &mut values);
+        values.into_iter().map(|y| irradiance * y).collect()
+    }
+}
+
+/// Pixels of a sky that a thread takes at a time.
+const PIXELS_AT_ONCE: usize = 2048;
 
 fn normalisation(l: usize, m: usize) -> f64 {
     let ratio: f64 = (l - m + 1..=l + m).map(|i| i as f64).product();
@@ -220,5 +310,56 @@ mod tests {
         assert!(wide[0] == 1.0 && narrow[0] == 1.0);
         assert!((1..MAX_BANDS).all(|l| wide[l] < narrow[l] && narrow[l] < narrow[l - 1]));
         assert_eq!(specular_bands(None), [0.0; MAX_BANDS]);
+    }
+
+    #[test]
+    fn many_bands_begin_with_the_few_and_are_orthonormal() {
+        let harmonics = Harmonics::new(MAX_LIGHT_BANDS);
+        assert_eq!(harmonics.count(), 676);
+        let direction = DVec3::new(0.36, 0.48, -0.8);
+        let mut values = vec![0.0; 676];
+        harmonics.values(direction, &mut values);
+        assert_eq!(values[..36], basis(6, direction));
+        // Addition theorem: the squares of a band sum to (2 l + 1) / 4 pi, whatever the direction.
+        for w in healpix::centres(4) {
+            harmonics.values(w, &mut values);
+            for l in 0..MAX_LIGHT_BANDS {
+                let sum: f64 = values[l * l..(l + 1) * (l + 1)].iter().map(|y| y * y).sum();
+                assert!((sum * 4.0 * PI / (2 * l + 1) as f64 - 1.0).abs() < 1e-11, "{l} {w}");
+            }
+        }
+    }
+
+    #[test]
+    fn light_of_few_bands_comes_back_and_turns() {
+        let harmonics = Harmonics::new(12);
+        let turn = DMat3::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), 0.7);
+        let mut values = vec![0.0; 144];
+        harmonics.values(DVec3::new(0.6, 0.64, 0.48), &mut values);
+        let wanted: Vec<DVec3> = values.iter().map(|&y| DVec3::new(y, 2.0 * y, -y)).collect();
+        let sky = Sky::from_function(|w| harmonics.evaluate(&wanted, turn * w));
+        for (found, wanted) in harmonics.project(&sky, turn).iter().zip(&wanted) {
+            assert!((*found - *wanted).length() < 0.02, "{found} {wanted}");
+        }
+        // Turning the map turns the function, whatever the map.
+        let sky = Sky::from_function(|w| DVec3::splat(if w.x > 0.3 { 1.0 } else { 0.0 }));
+        let (still, turned) = (harmonics.project(&sky, DMat3::IDENTITY), harmonics.project(&sky, turn));
+        for w in healpix::centres(4) {
+            let (a, b) = (harmonics.evaluate(&still, w), harmonics.evaluate(&turned, turn * w));
+            assert!((a - b).length() < 1e-10, "{a} {b}");
+        }
+    }
+
+    #[test]
+    fn a_sun_is_the_limit_of_a_small_spot() {
+        let harmonics = Harmonics::new(8);
+        let towards = DVec3::new(0.36, 0.48, 0.8);
+        let radius: f64 = 0.05;
+        let spot = Sky::from_function(|w| DVec3::splat(f64::from(u8::from(w.dot(towards) > radius.cos()))));
+        let irradiance = spot.total();
+        let sun = harmonics.directional(towards, irradiance);
+        for (a, b) in sun.iter().zip(harmonics.project(&spot, DMat3::IDENTITY)) {
+            assert!((*a - b).length() < 0.05 * irradiance.x, "{a} {b}");
+        }
     }
 }

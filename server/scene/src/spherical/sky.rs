@@ -82,6 +82,30 @@ impl Sky {
         Self { flux }
     }
 
+    /// The light of a formula, looked at in the middles of pixels.
+    pub fn from_function(radiance: impl Fn(DVec3) -> DVec3) -> Self {
+        let solid_angle = healpix::solid_angle(FINE_NSIDE);
+        Self { flux: healpix::centres(FINE_NSIDE).into_iter().map(|w| radiance(w) * solid_angle).collect() }
+    }
+
+    /// This sky with no pixel brighter than that: radiance times solid angle of a pixel of the fine map.
+    pub fn limited(&self, most: DVec3) -> Self {
+        Self { flux: self.flux.iter().map(|flux| flux.min(most)).collect() }
+    }
+
+    /// Radiance times solid angle from each pixel of a map with `nside` (a power of two no larger than
+    /// the fine one's), in the sky's own axes.
+    pub fn coarser(&self, nside: usize) -> Vec<DVec3> {
+        if nside >= FINE_NSIDE {
+            return self.flux.clone();
+        }
+        let mut sums = vec![DVec3::ZERO; healpix::pixel_count(nside)];
+        for (centre, flux) in healpix::centres(FINE_NSIDE).into_iter().zip(&self.flux) {
+            sums[healpix::pixel_of(nside, centre)] += *flux;
+        }
+        sums
+    }
+
     /// All that arrives, radiance integrated over the sphere.
     pub fn total(&self) -> DVec3 {
         self.flux.iter().sum()

@@ -1,0 +1,130 @@
+//! How much extinction there is around the texels of a field, by the pass of `photon_map`: what photons
+//! are compared with, and which texels there are matrices for.
+
+use crate::error::RenderError;
+use crate::gpu::{buffer_entry, texture_entry};
+use crate::illumination::Inputs;
+use crate::uniforms;
+
+/// No row: as in shaders/precomputed_transfer/.
+const NO_ROW: u32 = u32::MAX;
+/// Eight sums of extinction a cell, f32.
+const MOMENTS: usize = 8;
+const WORKGROUP: u32 = 64;
+/// Most workgroups along an axis of a dispatch.
+const MAX_GROUPS: u32 = 65_535;
+
+/// Extinction around texels.
+pub struct Mass {
+    /// Texels.
+    pub dims: [u32; 3],
+    /// Texels with matter around them, and how much: extinction integrated over the texel's share of
+    /// places.
+    pub rows: Vec<(u32, f32)>,
+    /// The largest one; 1 where there is none.
+    pub largest: f32,
+}
+
+impl Mass {
+    pub fn of(inputs: &Inputs<'_>, dims: [u32; 3]) -> Result<Self, RenderError> {
+        let (gpu, scene, pipelines) = (inputs.gpu, &inputs.snapshot.scene, inputs.photon_pipelines);
+        let Some(majorants) = inputs.majorants else {
+            return Err(RenderError::Gpu("a table of the view is missing".into()));
+        };
+        let storage =
+            wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
+        let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+        let cells: Vec<u32> = (0..dims.iter().map(|&n| n + 1).product()).collect();
+        let moments_bytes = (4 * MOMENTS * cells.len()) as u64;
+        let moments = gpu.buffer("extinction around texels", moments_bytes, storage)?;
+        let list = gpu.buffer("cells to be added up", 4 * cells.len() as u64, storage)?;
+        gpu.queue.write_buffer(&list, 0, bytemuck::cast_slice(&cells));
+        let settings = uniforms::Mass { dims, count: cells.len() as u32 };
+        let mass = gpu.buffer("mass", std::mem::size_of::<uniforms::Mass>() as u64, uniform)?;
+        gpu.queue.write_buffer(&mass, 0, bytemuck::bytes_of(&settings));
+        let frame = gpu.buffer("frame", std::mem::size_of::<uniforms::FrameUniform>() as u64, uniform)?;
+        let contents = crate::frame::scene_uniform(scene, inputs.texture);
+        gpu.queue.write_buffer(&frame, 0, bytemuck::bytes_of(&contents));
+        let bind_group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("add_up_mass"),
+            layout: pipelines.mass_layout(),
+            entries: &[
+                buffer_entry(0, &frame),
+                texture_entry(1, &inputs.tables.points),
+                texture_entry(2, &inputs.tables.cells),
+                texture_entry(7, &inputs.texture.view),
+                wgpu::BindGroupEntry {
+                    binding: 8,
+                    resource: wgpu::BindingResource::Sampler(&pipelines.sampler),
+                },
+                texture_entry(9, majorants),
+                buffer_entry(13, &mass),
+                buffer_entry(14, &moments),
+                buffer_entry(15, &list),
+            ],
+        });
+        let groups = (cells.len() as u32).div_ceil(WORKGROUP);
+        let columns = groups.min(MAX_GROUPS);
+        gpu.dispatch(&pipelines.mass(scene.filter), &bind_group, [columns, groups.div_ceil(columns)]);
+        let bytes = gpu.read_buffer(&moments, moments_bytes)?;
+        Ok(Self::of_moments(dims, &bytemuck::pod_collect_to_vec(&bytes)))
+    }
+
+    /// Adds up for each texel what the cells around it have for it. At the border both corners of a
+    /// cell may be the same texel.
+    fn of_moments(dims: [u32; 3], moments: &[f32]) -> Self {
+        let [width, height, depth] = dims.map(|n| n as usize);
+        let mut sums = vec![0.0_f64; width * height * depth];
+        let across = [width + 1, height + 1];
+        for (cell, eight) in moments.chunks_exact(MOMENTS).enumerate() {
+            let cell = [cell % across[0], cell / across[0] % across[1], cell / (across[0] * across[1])];
+            for (corner, &moment) in eight.iter().enumerate() {
+                let texel = |axis: usize| {
+                    let upper = cell[axis] + (corner >> axis & 1);
+                    upper.saturating_sub(1).min(dims[axis] as usize - 1)
+                };
+                sums[(texel(2) * height + texel(1)) * width + texel(0)] += f64::from(moment);
+            }
+        }
+        let row = |(texel, &sum): (usize, &f64)| (sum > 0.0).then_some((texel as u32, sum as f32));
+        let rows: Vec<(u32, f32)> = sums.iter().enumerate().filter_map(row).collect();
+        let largest = rows.iter().map(|row| row.1).fold(0.0, f32::max);
+        Self { dims, rows, largest: if largest > 0.0 { largest } else { 1.0 } }
+    }
+
+    /// The row of each texel, or `NO_ROW`.
+    pub fn rows_of_texels(&self) -> Vec<u32> {
+        let mut rows = vec![NO_ROW; self.dims.iter().product::<u32>() as usize];
+        for (row, &(texel, _)) in self.rows.iter().enumerate() {
+            rows[texel as usize] = row as u32;
+        }
+        rows
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shaders;
+
+    #[test]
+    fn constants_are_those_of_the_shaders() {
+        for shader in [shaders::CARRY_PHOTONS, shaders::RELIGHT, shaders::MARCH_TRANSFER] {
+            assert!(shader.contains(&format!("const NO_ROW = {NO_ROW:#x}u;")));
+        }
+    }
+
+    #[test]
+    fn texels_with_matter_have_rows() {
+        // Three texels in a row; matter between the second and the third.
+        let mut moments = vec![0.0; 4 * 2 * 2 * MOMENTS];
+        let cell = 2; // x between texels 1 and 2, y and z below the first texel
+        moments[MOMENTS * cell] = 1.0;
+        moments[MOMENTS * cell + 1] = 3.0;
+        let mass = Mass::of_moments([3, 1, 1], &moments);
+        assert_eq!(mass.rows, [(1, 1.0), (2, 3.0)]);
+        assert_eq!(mass.rows_of_texels(), [NO_ROW, 0, 1]);
+        let empty = Mass::of_moments([3, 1, 1], &[0.0; 16 * MOMENTS]);
+        assert!(empty.rows.is_empty() && empty.largest == 1.0);
+    }
+}

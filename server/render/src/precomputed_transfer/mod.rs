@@ -1,0 +1,110 @@
+//! Method `precomputed_transfer`: every texel's answer to each of a few lights is baked once; any light
+//! from infinity is then a sum of them (shaders/precomputed_transfer/README.md).
+
+mod bake;
+mod basis;
+mod beams;
+mod buffers;
+mod mass;
+mod passes;
+#[cfg(test)]
+#[allow(clippy::unwrap_used, clippy::expect_used)]
+mod tests;
+
+use std::collections::BTreeMap;
+use std::time::Instant;
+
+use proto::FieldError;
+use scene::light::LightGeometry;
+use scene::{Light, Scene};
+
+use crate::error::RenderError;
+use crate::illumination::{Inputs, Progress};
+use crate::light_field::LightField;
+use bake::{Bake, Work};
+use basis::LightVector;
+pub(crate) use passes::Pipelines;
+
+/// Refuses lights that are not at infinity, in words.
+///
+/// # Errors
+/// The light.
+pub(crate) fn check(scene: &Scene) -> Result<(), FieldError> {
+    let is_near = |light: &&Light| {
+        !matches!(
+            light.geometry,
+            LightGeometry::Directional { .. }
+                | LightGeometry::UniformEnvironment
+                | LightGeometry::Environment { .. }
+        )
+    };
+    let Some(light) = scene.lights.iter().find(is_near) else { return Ok(()) };
+    let message = "`precomputed_transfer` takes directional lights and environments only";
+    Err(FieldError::new(format!("lights[{}].type", light.index), message))
+}
+
+/// The baked light of a session.
+#[derive(Default)]
+pub(crate) struct PrecomputedTransfer {
+    bake: Option<Bake>,
+    /// The lights that the field is of, and what they are made of.
+    lit: Option<(Vec<Light>, LightVector)>,
+}
+
+impl PrecomputedTransfer {
+    /// Bakes until the deadline, at least one slice of what there is to do, and lights the field with
+    /// what is baked then.
+    pub fn advance(
+        &mut self,
+        inputs: &Inputs<'_>,
+        deadline: Option<Instant>,
+        counters: &mut BTreeMap<String, u64>,
+    ) -> Result<Progress, RenderError> {
+        let scene = &inputs.snapshot.scene;
+        if self.bake.as_ref().is_none_or(|bake| !bake.serves(scene)) {
+            // The old one goes first: both need not fit at once.
+            (self.bake, self.lit) = (None, None);
+            self.bake = Some(Bake::new(inputs)?);
+        }
+        let Some(bake) = &mut self.bake else {
+            return Err(RenderError::Gpu("a bake is missing".into()));
+        };
+        let mut work = Work::default();
+        let works = !bake.is_complete();
+        while !bake.is_complete() {
+            bake.work(inputs, &mut work)?;
+            if deadline.is_some_and(|deadline| Instant::now() >= deadline) {
+                break;
+            }
+        }
+        let kept = self.lit.take().filter(|(lights, _)| *lights == scene.lights);
+        let changed = works || kept.is_none();
+        let lit = match kept {
+            Some(lit) => lit,
+            None => (scene.lights.clone(), bake.light_of(scene)),
+        };
+        let (_, light) = self.lit.insert(lit);
+        if changed {
+            bake.relight(inputs, light)?;
+        }
+        let mut count = |name: &str, value: u64| counters.insert(name.to_owned(), value);
+        count("transfer_rays_marched", work.rays);
+        count("transfer_photons_traced", work.photons);
+        count("transfer_interactions", work.interactions);
+        count("tentative_collisions", work.tentative_collisions);
+        count("cells_looked_up", work.cells);
+        count("throughput_cut_1024ths", work.cut_1024ths);
+        count("transfer_rows", bake.rows());
+        count("transfer_rows_lit", if changed { bake.rows() } else { 0 });
+        count("transfer_peak_bytes", bake.peak_bytes);
+        Ok(Progress { complete: bake.is_complete(), completeness: bake.progress(), changed })
+    }
+
+    pub fn field(&self) -> Option<&LightField> {
+        self.bake.as_ref().map(|bake| &bake.field)
+    }
+
+    pub fn bytes(&self) -> u64 {
+        self.bake.as_ref().map_or(0, Bake::bytes)
+    }
+}
