@@ -516,8 +516,8 @@ direct_grid: number,
  */
 light_grid: number, 
 /**
- * `convection_diffusion`: bands of spherical harmonics that tell from where light comes, 1..6; 1
- * is enough for isotropic matter without surfaces.
+ * `convection_diffusion`: bands of diffused light, 1..6: 1 is its mean, 2 adds where it flows to,
+ * which isotropic matter does not see. More is taken as 2: P1 has no more.
  */
 light_bands: number, 
 /**
