@@ -57,6 +57,11 @@ pub fn run(entries: &[&Entry], quick: bool, out: &Path) -> anyhow::Result<()> {
     let reference_time = if quick { judge::REFERENCE_TIME_QUICK } else { judge::REFERENCE_TIME };
     let mut faults = Vec::new();
     for &entry in entries {
+        if let Some(why) = entry.not_yet {
+            let outcome = Outcome { note: format!("left out: {why}"), ..Outcome::default() };
+            table.rows.push(row(entry, "all", "all", &outcome));
+            continue;
+        }
         let before = table.rows.len();
         let mut lost = false;
         for case in &cases {
