@@ -810,8 +810,8 @@ pub struct Illumination {
     /// `photon_map`: bands of spherical harmonics that hold the light where matter is not isotropic,
     /// 1..6.
     pub photon_bands: u32,
-    /// `photon_map`: cells along the volume's longest edge of the grid that holds what lights bring by
-    /// themselves, 4..256; none smaller than half a voxel.
+    /// `photon_map`, `image_based`: cells along the volume's longest edge of the grid that holds what
+    /// lights bring by themselves, 4..256; none smaller than half a voxel.
     pub direct_grid: u32,
     /// `convection_diffusion`: cells of the light grid along each axis for a voxel, 0.01..2.
     pub light_grid: f64,

@@ -507,8 +507,8 @@ photon_grid: number,
  */
 photon_bands: number, 
 /**
- * `photon_map`: cells along the volume's longest edge of the grid that holds what lights bring by
- * themselves, 4..256; none smaller than half a voxel.
+ * `photon_map`, `image_based`: cells along the volume's longest edge of the grid that holds what
+ * lights bring by themselves, 4..256; none smaller than half a voxel.
  */
 direct_grid: number, 
 /**

@@ -3,6 +3,7 @@ import type { Illumination } from "../generated/proto";
 import { session } from "../session/engine";
 import { Row, SliderField } from "../app/controls";
 import { directionChoices, formChoices, lookupChoices, MAX_BANDS, MAX_RECORDS, MIN_RECORDS } from "./records";
+import { ShadowGridField } from "./ShadowGridField";
 
 /** Where image-based lighting keeps light, how well, and in which form. */
 export function RecordFields({ illumination }: { illumination: Illumination }) {
@@ -10,6 +11,7 @@ export function RecordFields({ illumination }: { illumination: Illumination }) {
   return (
     <>
       <SliderField label="Records" hint="Places along the longest edge at which arriving light is kept; more show finer shadows" value={illumination.records} min={MIN_RECORDS} max={MAX_RECORDS} step={1} testId="records" onChange={(records) => edit({ records: Math.round(records) }, "records")} />
+      {illumination.record_form === "product" && <ShadowGridField illumination={illumination} />}
       <Row label="Directions" hint="Directions in which each record looks for light of the environment">
         <NativeSelect aria-label="Directions of records" value={String(illumination.record_directions)} data={[...directionChoices]} data-testid="record-directions" onChange={(event) => edit({ record_directions: Number(event.currentTarget.value) })} />
       </Row>
