@@ -141,7 +141,8 @@ const PHOTON_MAP: Entry = Entry {
     // The same photons every time.
     noisy: false,
     off_by_at_most: 0.3,
-    weak_at: &[],
+    // Where a texel is optically thick the extinction it is divided by is capped.
+    weak_at: &[("1x1x1", 1.6)],
     not_yet: None,
     work: "tentative_collisions",
     truncated: |counters| {
@@ -182,7 +183,8 @@ const CONVECTION_DIFFUSION: Entry = Entry {
     usual: 1,
     noisy: false,
     off_by_at_most: 0.3,
-    weak_at: &[],
+    // Matter whose skin is thinner than a cell, up to the faces of the box.
+    weak_at: &[("opacity 1 everywhere", 1.0)],
     not_yet: None,
     work: "light_cells_carried",
     truncated: |_| None,
