@@ -328,7 +328,8 @@ impl Entry {
     /// Relative L2 that is right in a case of `stability` whose own tolerance is this.
     pub fn tolerance_in(&self, case: &str, tolerance: f64) -> f64 {
         let weak = self.weak_at.iter().find(|(name, _)| *name == case);
-        tolerance.max(weak.map_or(self.off_by_at_most, |(_, off)| *off))
+        let off = weak.map_or(self.off_by_at_most, |(_, off)| *off);
+        if off > 0.0 { tolerance.max(off) } else { tolerance }
     }
 
     /// The scene as the method draws it in `stability` and `skip`.
@@ -348,6 +349,16 @@ fn as_json(scene: &SceneFile) -> Result<Value, FieldError> {
 mod tests {
     use super::*;
     use proto::scene_file::Builtin;
+
+    #[test]
+    fn approximations_have_room_and_no_more() {
+        assert_eq!(LOCAL_ENTRY.tolerance_in("1x1x1", -1.0), -1.0);
+        assert_eq!(PHOTON_MAP.tolerance_in("a box", 0.05), PHOTON_MAP.off_by_at_most);
+        assert_eq!(PHOTON_MAP.tolerance_in("a box", 0.5), 0.5);
+        assert_eq!(PHOTON_MAP.tolerance_in("1x1x1", 0.05), 1.6);
+        assert!(chosen(&["photon".to_owned()]).is_err_and(|refused| refused.contains("photon_map")));
+        assert_eq!(chosen(&[]).unwrap().len(), LADDER.len());
+    }
 
     #[test]
     fn every_method_built_has_a_ladder_that_fits_the_format() {
