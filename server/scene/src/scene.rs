@@ -16,6 +16,10 @@ use crate::prepared::PreparedVolume;
 use crate::rendering::Rendering;
 use crate::transfer_function::{Classification, TransferFunction};
 
+/// Share of the brightest light's power that is nothing, whatever the units of the two: some distances are
+/// far smaller than others, but not by so much.
+const NEGLIGIBLE_POWER: f64 = 1e-15;
+
 /// Everything a picture depends on. Immutable; cheap to clone and to change one part of.
 #[derive(Debug, Clone)]
 pub struct Scene {
@@ -196,6 +200,17 @@ impl Scene {
     pub fn with_part(self, file: &SceneFile, part: Arc<PreparedVolume>) -> Self {
         let (grid, clip) = place(file, &part);
         Self { volume: part, grid, clip, ..self }
+    }
+
+    /// The scene without lights that are nothing beside the brightest, if there are any: for methods that
+    /// work for each light.
+    #[must_use]
+    pub fn without_negligible_lights(&self) -> Option<Self> {
+        let power = |light: &Light| light.power.max_element();
+        let brightest = self.lights.iter().map(power).fold(0.0, f64::max);
+        let counts = |light: &&Light| power(light) > NEGLIGIBLE_POWER * brightest;
+        let lights: Vec<Light> = self.lights.iter().filter(counts).cloned().collect();
+        (lights.len() < self.lights.len()).then(|| Self { lights, ..self.clone() })
     }
 
     /// This scene moved so that the box of its voxels is centred at the origin, as the renderer

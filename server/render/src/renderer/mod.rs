@@ -644,20 +644,22 @@ fn count_tiles(view: &View, plan: &Plan, counters: &mut BTreeMap<String, u64>) {
 
 /// The snapshot with the box of its voxels centred at the origin, where shaders expect it. From
 /// here on there is no other: each cache's snapshot is a centred one. Methods that keep light in few bands
-/// have small suns of environment images as lights of their own.
+/// have small suns of environment images as lights of their own; those that work for each light have none
+/// that are nothing beside the others.
 fn centred(snapshot: &Arc<Snapshot>) -> Arc<Snapshot> {
     let scene = &snapshot.scene;
-    let is_centred = scene.grid.center_world == glam::DVec3::ZERO;
-    let is_coarse = match scene.method {
+    let has_suns_apart = match scene.method {
         Method::PhotonMap => true,
         Method::ImageBased => scene.illumination.record_form == RecordForm::Product,
         _ => false,
     };
-    let suns_apart = if is_coarse { scene.with_suns_apart() } else { None };
-    match suns_apart {
-        None if is_centred => snapshot.clone(),
+    let bright = if has_suns_apart { scene.without_negligible_lights() } else { None };
+    let lit = bright.as_ref().unwrap_or(scene);
+    let apart = if has_suns_apart { lit.with_suns_apart() } else { None };
+    match apart.or(bright) {
+        None if scene.grid.center_world == glam::DVec3::ZERO => snapshot.clone(),
         None => Arc::new(Snapshot { epoch: snapshot.epoch, scene: scene.centred() }),
-        Some(apart) => Arc::new(Snapshot { epoch: snapshot.epoch, scene: apart.centred() }),
+        Some(lit) => Arc::new(Snapshot { epoch: snapshot.epoch, scene: lit.centred() }),
     }
 }
 
