@@ -267,16 +267,20 @@ mod tests {
     }
 
     #[test]
-    fn lights_with_a_direction_get_a_ray_of_their_own() {
+    fn lights_with_a_direction_are_no_part_of_records() {
         let lights = json!([{"type": "directional", "direction": [0, -1, 0], "irradiance": [3, 3, 3]},
             {"type": "point", "position": [1, 0, 0], "intensity": [1, 1, 1]}]);
         let lit = scene(lights, json!({}));
         let arriving = Arriving::of(&lit, 1, 3, &mut Skies::default());
-        assert_eq!(arriving.lights.len(), 2);
+        assert!(arriving.lights.is_empty());
         assert!(arriving.products.iter().all(|texel| texel[0] == 0.0));
         let cut = Scene { illumination: with_form(&lit, "static"), ..lit.clone() };
         let cut = Arriving::of(&cut, 2, 3, &mut Skies::default());
-        assert_eq!(cut.lights.len(), 1, "the paper's form takes the sun as part of the environment");
+        assert_eq!(
+            cut.lights.len(),
+            1,
+            "the paper's form takes the sun as part of the environment, the lamp has a ray"
+        );
         let up = sum(&cut, 2, 1)[0];
         assert!(up > 0.5 && cut.clamped_share > 0.05, "{up}");
     }

@@ -94,10 +94,10 @@ mod tests {
 
     fn scene(patch: Value) -> Scene {
         let mut file = json!({"version": 1, "volume": {"builtin": "homogeneous"},
-            "lights": [{"id": "a", "type": "directional", "direction": [0, -1, 0], "irradiance": [1, 1, 1]},
+            "lights": [{"id": "a", "type": "point", "position": [0, 2, 0], "intensity": [1, 1, 1]},
                 {"id": "b", "type": "point", "position": [2, 0, 0], "intensity": [1, 1, 1]}],
             "transfer_function": {"points": [{"s": 0, "extinction": 1}, {"s": 0.5, "extinction": 2}]},
-            "illumination": {"method": "image_based"}});
+            "illumination": {"method": "image_based", "record_form": "static"}});
         for (key, value) in patch.as_object().unwrap() {
             file[key] = value.clone();
         }
@@ -139,7 +139,7 @@ mod tests {
 
     #[test]
     fn a_light_that_moved_has_new_rays_and_no_other() {
-        let moved = json!({"lights": [{"id": "a", "type": "directional", "direction": [0, -1, 0.1], "irradiance": [1, 1, 1]},
+        let moved = json!({"lights": [{"id": "a", "type": "point", "position": [0, 2, 0.1], "intensity": [1, 1, 1]},
             {"id": "b", "type": "point", "position": [2, 0, 0], "intensity": [5, 1, 1]}]});
         assert_eq!(done(json!({}), moved), [KEEP, CAST, KEEP]);
         let fewer =

@@ -246,7 +246,14 @@ async fn the_service_describes_itself() {
     let status = service.get("/status").await.ok().json();
     assert_eq!(
         status["methods"],
-        json!(["local", "convection_diffusion", "image_based", "photon_map", "path_traced"])
+        json!([
+            "local",
+            "convection_diffusion",
+            "image_based",
+            "precomputed_transfer",
+            "photon_map",
+            "path_traced"
+        ])
     );
     assert!(!status["device"]["name"].as_str().unwrap().is_empty());
     let document = service.get("/openapi.json").await.ok().json();
