@@ -28,6 +28,9 @@ pub mod shaders;
 mod stale_shares;
 pub mod still;
 mod tables;
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod test_support;
 pub mod uniforms;
 mod variants;
 mod view;

@@ -337,3 +337,27 @@ fn place(file: &SceneFile, volume: &PreparedVolume) -> (Grid, Clip) {
     let spacing = file.spacing.unwrap_or(placement.whole_spacing);
     (Grid::placed(volume.volume.dims, placement, spacing), Clip::from_file(&file.clip, placement))
 }
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+    use crate::{Volume, Voxels};
+
+    #[test]
+    fn lights_that_are_nothing_beside_the_brightest_are_left_out() {
+        let sun = |id: &str, power: f64| json!({"id": id, "type": "directional", "direction": [0, -1, 0], "irradiance": [0, power, 0]});
+        let scene = |lights: Vec<serde_json::Value>| {
+            let file = json!({"version": 1, "volume": {"builtin": "homogeneous"}, "lights": lights});
+            let volume = PreparedVolume::new(Volume::new([2; 3], Voxels::U8(vec![9; 8])), &|_| {});
+            Scene::new(&SceneFile::from_value(file).unwrap(), Arc::new(volume)).unwrap()
+        };
+        let lit = scene(vec![sun("key", 1e4), sun("spark", 1e-30), sun("moon", 1e-9)]);
+        let ids: Vec<String> =
+            lit.without_negligible_lights().unwrap().lights.into_iter().map(|light| light.id).collect();
+        assert_eq!(ids, ["key", "moon"]);
+        assert!(scene(vec![sun("key", 1e-30), sun("moon", 1e-43)]).without_negligible_lights().is_none());
+        assert!(scene(Vec::new()).without_negligible_lights().is_none());
+    }
+}

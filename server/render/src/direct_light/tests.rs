@@ -1,19 +1,14 @@
 //! Shares of light at nodes, and what view rays make of them, against closed forms.
 
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::Arc;
 
 use glam::DVec3;
 use scene::plan::Target;
 use scene::{PreparedVolume, Scene, Snapshot, Volume, Voxels};
 use serde_json::{Value, json};
 
-use crate::{AdapterPolicy, DrawRequest, Gpu, Renderer, View};
-
-fn renderer() -> MutexGuard<'static, Renderer> {
-    static RENDERER: OnceLock<Mutex<Renderer>> = OnceLock::new();
-    let open = || Mutex::new(Renderer::new(Gpu::open(AdapterPolicy::Any).unwrap()).unwrap());
-    RENDERER.get_or_init(open).lock().unwrap_or_else(PoisonError::into_inner)
-}
+use crate::test_support::renderer;
+use crate::{DrawRequest, View};
 
 const SIGMA_T: f64 = 5.0;
 const CELLS: usize = 8;
@@ -78,6 +73,7 @@ fn shares_in_a_cube_are_exact() {
             "size": [0.3, 0.3], "radiance": [1, 1, 1]}]);
     let (shares, _) = drawn(&snapshot(vec![255; 64], &lights));
     assert_eq!(shares.len(), (CELLS + 1).pow(3));
+    let mut of_panel = 0.0;
     for (index, share) in shares.iter().enumerate() {
         let x = node(index);
         let expected = [
@@ -86,11 +82,18 @@ fn shares_in_a_cube_are_exact() {
             from_panel(x, panel, 0.3),
         ];
         for (light, (&found, expected)) in share.iter().zip(expected).enumerate() {
-            // Eight rays stand for a panel: by a twentieth off where it is seen askew.
+            let off = (f64::from(found) - expected).abs();
+            // Eight rays stand for a panel: by a twentieth off where it is seen askew, see below.
             let tolerance = if light == 2 { 0.1 } else { 1e-4 };
-            assert!((f64::from(found) - expected).abs() < tolerance, "{light} at {x}: {found} {expected}");
+            assert!(off < tolerance, "{light} at {x}: {found} {expected}");
+            if light == 2 {
+                of_panel += off;
+            }
         }
     }
+    let mean = of_panel / shares.len() as f64;
+    eprintln!("shares of the panel are off by {mean:.4} in the mean");
+    assert!(mean < 0.01, "{mean}");
 }
 
 /// Light that is scattered once in a homogeneous cube, lit from behind the eye: twice through matter.

@@ -1,6 +1,6 @@
 //! What rays of records hold, read back.
 
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::Arc;
 
 use glam::DVec3;
 use scene::plan::Target;
@@ -9,13 +9,8 @@ use scene::{PreparedVolume, Scene, Snapshot, Volume, Voxels, records};
 use serde_json::{Value, json};
 
 use super::slots::CHUNK_SLOTS;
-use crate::{AdapterPolicy, DrawRequest, Gpu, Renderer, View};
-
-fn renderer() -> std::sync::MutexGuard<'static, Renderer> {
-    static RENDERER: OnceLock<Mutex<Renderer>> = OnceLock::new();
-    let open = || Mutex::new(Renderer::new(Gpu::open(AdapterPolicy::Any).unwrap()).unwrap());
-    RENDERER.get_or_init(open).lock().unwrap_or_else(PoisonError::into_inner)
-}
+use crate::test_support::renderer;
+use crate::{DrawRequest, View};
 
 fn scene(volume: &Arc<PreparedVolume>, patch: Value) -> Scene {
     let mut file = json!({"version": 1, "volume": {"builtin": "homogeneous"},

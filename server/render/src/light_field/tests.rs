@@ -1,6 +1,6 @@
 //! Pictures of homogeneous matter in given fields, against what the definition says.
 
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::Arc;
 
 use glam::DVec3;
 use proto::scene_file::Method;
@@ -10,17 +10,12 @@ use scene::{PreparedVolume, Scene, Snapshot, Volume, Voxels};
 use serde_json::json;
 
 use super::LightField;
-use crate::{AdapterPolicy, DrawRequest, Gpu, Renderer, View};
+use crate::test_support::renderer;
+use crate::{DrawRequest, View};
 
 const ALBEDO: [f64; 3] = [0.9, 0.5, 0.2];
 /// Optical depth 3 along an axis.
 const THROUGH: f64 = 0.049_787_068_367_863_944;
-
-fn renderer() -> std::sync::MutexGuard<'static, Renderer> {
-    static RENDERER: OnceLock<Mutex<Renderer>> = OnceLock::new();
-    let open = || Mutex::new(Renderer::new(Gpu::open(AdapterPolicy::Any).unwrap()).unwrap());
-    RENDERER.get_or_init(open).lock().unwrap_or_else(PoisonError::into_inner)
-}
 
 /// The middle pixel of a homogeneous cube in a field, seen by parallel rays from +z.
 fn middle(

@@ -1,7 +1,7 @@
 //! Baked light against what it must equal.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
 use proto::scene_file::Builtin;
@@ -9,29 +9,8 @@ use scene::plan::Target;
 use scene::{EnvironmentImage, EnvironmentImages, PreparedVolume, Scene, Snapshot, Volume, Voxels};
 use serde_json::{Value, json};
 
-use crate::{AdapterPolicy, DrawRequest, Drawn, Gpu, Renderer, View};
-
-fn renderer() -> MutexGuard<'static, Renderer> {
-    static RENDERER: OnceLock<Mutex<Renderer>> = OnceLock::new();
-    let open = || Mutex::new(Renderer::new(Gpu::open(AdapterPolicy::Any).unwrap()).unwrap());
-    RENDERER.get_or_init(open).lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Three balls of different values in air.
-fn balls(edge: usize) -> Arc<PreparedVolume> {
-    let mut voxels = vec![0u8; edge * edge * edge];
-    for (center, radius, value) in
-        [([0.3, 0.35, 0.5], 0.2, 90.0), ([0.7, 0.6, 0.45], 0.22, 160.0), ([0.5, 0.2, 0.7], 0.15, 230.0)]
-    {
-        for (i, voxel) in voxels.iter_mut().enumerate() {
-            let at = [i % edge, i / edge % edge, i / (edge * edge)];
-            let d: f64 = (0..3).map(|k| ((at[k] as f64 + 0.5) / edge as f64 - center[k]).powi(2)).sum();
-            let inside = ((radius - d.sqrt()) * edge as f64 + 0.5).clamp(0.0, 1.0);
-            *voxel = (*voxel).max((inside * value) as u8);
-        }
-    }
-    Arc::new(PreparedVolume::new(Volume::new([edge; 3], Voxels::U8(voxels)), &|_| {}))
-}
+use crate::test_support::{balls, renderer};
+use crate::{DrawRequest, Drawn, View};
 
 fn file(patches: &[Value]) -> Value {
     let mut file = json!({"version": 1, "volume": {"builtin": "homogeneous"},
@@ -45,17 +24,8 @@ fn file(patches: &[Value]) -> Value {
             {"s": 0.95, "extinction": 40, "albedo": [0.6, 0.6, 0.95]}]},
         "illumination": {"method": "precomputed_transfer", "transfer_lights": 42, "transfer_grid": 16,
             "transfer_photons": 16384, "transfer_directions": 48}});
-    patches.iter().for_each(|patch| json_patch(&mut file, patch));
+    patches.iter().for_each(|patch| json_patch::merge(&mut file, patch));
     file
-}
-
-fn json_patch(base: &mut Value, patch: &Value) {
-    match patch.as_object() {
-        Some(fields) if base.is_object() => {
-            fields.iter().for_each(|(key, value)| json_patch(&mut base[key], value));
-        }
-        _ => *base = patch.clone(),
-    }
 }
 
 /// A sky with a bright patch.
