@@ -36,6 +36,19 @@ pub struct StageTime {
     pub device_millis: Option<f64>,
 }
 
+impl StageTime {
+    /// Adds it to what is known of its stage. The device's time is known where it is of both.
+    pub fn add_to(self, stages: &mut Vec<Self>) {
+        match stages.iter_mut().find(|known| known.stage == self.stage) {
+            Some(known) => {
+                known.millis += self.millis;
+                known.device_millis = known.device_millis.zip(self.device_millis).map(|(a, b)| a + b);
+            }
+            None => stages.push(self),
+        }
+    }
+}
+
 /// What an edit of each scalar bin would make stale of what is kept now.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, TS, ToSchema)]
 pub struct StaleShares {

@@ -790,10 +790,9 @@ impl<'de> Deserialize<'de> for Orders {
 pub struct Illumination {
     /// Which method supplies the in-scattered radiance.
     pub method: Method,
-    /// `path_traced`: paths of each pixel at rest, 1..1048576.
+    /// `path_traced`, and others where they `refine`: paths of each pixel at rest, 1..1048576.
     pub paths_per_pixel: u32,
-    /// `path_traced`: ends earlier, once the picture's relative standard error is no more than
-    /// this, 0..1.
+    /// The same: ends earlier, once the picture's relative standard error is no more than this, 0..1.
     pub max_error: f64,
     /// `path_traced`: scattering events after which a path is cut, 1..10^9. What is lost by it is
     /// counted.
@@ -801,6 +800,10 @@ pub struct Illumination {
     /// `path_traced`: what each light brings is kept apart, so that colours, strengths and switches
     /// of lights change the picture without a new path. At most 8 lights.
     pub light_layers: bool,
+    /// Methods that approximate all light, `photon_map`, `convection_diffusion` and
+    /// `precomputed_transfer`: at rest paths are followed, too, and the picture goes over to what they
+    /// find as far as that is known better.
+    pub refine: bool,
     /// `photon_map`: photons of each light, 1..16777216.
     pub photons: u32,
     /// `photon_map`: most interactions of a photon, 1..256. What is lost by it is counted.
@@ -918,6 +921,7 @@ impl Default for Illumination {
             max_error: 0.0,
             longest_path: 100_000,
             light_layers: false,
+            refine: false,
             photons: 65_536,
             photon_events: 16,
             photon_grid: 48,

@@ -100,9 +100,13 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
     let edits = arguments.edit.iter().map(|path| read_patch(path)).collect::<anyhow::Result<Vec<Value>>>()?;
     let (file, scene) = disk.scene()?;
-    if arguments.max_error.is_some() && scene.integrator() != Integrator::PathTracer {
+    let knows_error = scene.integrator() == Integrator::PathTracer || scene.is_refined();
+    if arguments.max_error.is_some() && !knows_error {
         let method = scene.method.name();
-        let message = format!("--max-error: `{method}` keeps no estimate of its error; use --budget-seconds");
+        let message = format!(
+            "--max-error: `{method}` keeps no estimate of its error; use --budget-seconds, or a method that \
+             approximates all light with --set illumination.refine=true"
+        );
         return Err(Refused(message).into());
     }
 
@@ -149,6 +153,9 @@ impl Session<'_> {
         let (width, height) = self.arguments.size.unwrap_or((file.image.width, file.image.height));
         // A time or an error are the only bounds where they are given.
         let until_bound = match scene.integrator() {
+            Integrator::RayCaster if scene.is_refined() => {
+                scene.sampling.samples_per_pixel + MAX_PATHS_PER_PIXEL
+            }
             Integrator::RayCaster => MAX_SAMPLES_PER_PIXEL,
             Integrator::PathTracer => MAX_PATHS_PER_PIXEL,
         };

@@ -251,6 +251,12 @@ pub const HEAT_MATTER: &str = with_direct_light!("convection_diffusion/heat.wgsl
 /// `compose_field`.
 pub const COMPOSE_FIELD: &str = with_direct_light!("shared/sh.wgsl", "convection_diffusion/compose.wgsl");
 
+/// `compare`: how far an approximate film and that of paths are apart.
+pub const COMPARE: &str = parts!("refinement/compare.wgsl");
+
+/// `blend`: both in one.
+pub const BLEND: &str = parts!("refinement/blend.wgsl");
+
 /// `tone_map`.
 pub const TONE_MAP: &str = parts!("film/tone_map.wgsl");
 
@@ -281,5 +287,7 @@ pub const ALL: &[(&str, &str)] = &[
     ("march_direct", MARCH_DIRECT),
     ("march_records", MARCH_RECORDS),
     ("project_records", PROJECT_RECORDS),
+    ("compare", COMPARE),
+    ("blend", BLEND),
     ("tone_map", TONE_MAP),
 ];

@@ -6,7 +6,7 @@ use scene::plan::{Caches, FilmState, SegmentsState, Target};
 use scene::{Integrator, Scene, Snapshot};
 
 use crate::illumination::{Illumination, Light};
-use crate::renderer::PathFilm;
+use crate::renderer::{PathFilm, Refinement};
 use crate::segments::Segments;
 use crate::volume_texture::VolumeTexture;
 
@@ -27,6 +27,8 @@ pub struct View {
     pub(crate) buffers: Option<ViewBuffers>,
     pub(crate) segments: Segments,
     pub(crate) paths: Option<PathFilm>,
+    /// Paths beneath a film in approximate light.
+    pub(crate) refinement: Option<Box<Refinement>>,
     /// Whether one bound of the extinction serves for all macrocells.
     pub(crate) global_majorant: bool,
     /// Whether segments are kept from the first picture on.
@@ -160,7 +162,8 @@ impl View {
 
     /// Bytes of all it keeps for itself; the volume is shared and counted once for all, and so is light.
     pub fn total_bytes(&self) -> u64 {
-        self.bytes() + self.segment_bytes() + self.path_bytes()
+        let refinement = self.refinement.as_ref().map_or(0, |refinement| refinement.bytes());
+        self.bytes() + self.segment_bytes() + self.path_bytes() + refinement
     }
 
     /// Its light.

@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use proto::scene_file::Illumination;
+
 use crate::light::Light;
 use crate::rendering::Rendering;
 use crate::scene::Scene;
@@ -41,6 +43,8 @@ pub struct Changes {
     pub method: bool,
     /// Scattering events after which paths are cut.
     pub longest_path: bool,
+    /// Whether paths refine the picture at rest.
+    pub refinement: bool,
     /// Whether there are light layers, or of which lights: their order, names or geometry.
     pub light_layers: bool,
     /// Settings of a method that keeps its light in a field.
@@ -79,8 +83,9 @@ impl Changes {
             orders: old.orders != new.orders,
             method: old.method != new.method,
             longest_path: old.paths.longest != new.paths.longest,
+            refinement: old.is_refined() != new.is_refined(),
             light_layers: (old.has_light_layers() || new.has_light_layers()) && !old.shares_light_layers(new),
-            light_settings: new.has_light_field() && old.illumination != new.illumination,
+            light_settings: new.has_light_field() && light_settings(old) != light_settings(new),
             rendering: old.rendering != new.rendering,
             window: old.window != new.window,
             isosurface: match (old.rendering, new.rendering) {
@@ -121,6 +126,7 @@ impl Changes {
         // An added, moved or removed light is named below.
         say(self.light_layers && self.lights.is_empty(), "light layers");
         say(self.light_settings && !self.method, "settings of the light");
+        say(self.refinement && !self.method && !self.rendering, "refinement at rest");
         say(self.rendering, "rendering mode");
         say(self.window, "window");
         say(self.isosurface, "matter of the isosurface");
@@ -140,6 +146,14 @@ impl Changes {
         }
         words
     }
+}
+
+/// Settings of the method without those of paths, which no field depends on.
+fn light_settings(scene: &Scene) -> Illumination {
+    let (paths_per_pixel, max_error, longest_path) = (0, 0.0, 0);
+    let (light_layers, refine) = (false, false);
+    let settings = scene.illumination.clone();
+    Illumination { paths_per_pixel, max_error, longest_path, light_layers, refine, ..settings }
 }
 
 fn light_changes(old: &[Light], new: &[Light]) -> Vec<(String, LightChange)> {

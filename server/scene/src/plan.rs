@@ -216,6 +216,9 @@ impl Plan {
             Integrator::PathTracer => Err("paths are followed instead of rays".to_owned()),
         };
         let paths_only = |verdict: Verdict| match integrator {
+            Integrator::RayCaster if scene.is_refined() => {
+                Err("paths refine a picture that is complete".to_owned())
+            }
             Integrator::RayCaster => Err("no paths are followed".to_owned()),
             Integrator::PathTracer => verdict,
         };
@@ -297,6 +300,15 @@ impl Plan {
         let changes =
             caches.film.map_or_else(Vec::new, |film| Changes::between(film.scene, scene).in_words());
         Self { changes, passes, film, segments }
+    }
+
+    /// Takes over what the plan of the paths that refine the picture says of them.
+    pub fn refined_by(&mut self, paths: &Plan) {
+        let followed = paths.passes.iter().find(|planned| planned.pass == Pass::PathTrace);
+        let own = self.passes.iter_mut().find(|planned| planned.pass == Pass::PathTrace);
+        if let (Some(own), Some(followed)) = (own, followed) {
+            own.clone_from(followed);
+        }
     }
 
     /// Whether a pass runs.
@@ -511,7 +523,7 @@ fn draw_film(
 
 /// Whether a picture with this relative standard error need not get better.
 pub fn good_enough(scene: &Scene, error: f64) -> bool {
-    scene.integrator() == Integrator::PathTracer && error <= scene.paths.max_error
+    (scene.integrator() == Integrator::PathTracer || scene.is_refined()) && error <= scene.paths.max_error
 }
 
 /// Whether a film that starts again is cast in view-ray segments, and which of them serve again.
@@ -603,6 +615,8 @@ fn changes_on_film(changes: &Changes, old: &Scene, new: &Scene) -> Changes {
         orders: paths && changes.orders,
         longest_path: paths && changes.longest_path,
         light_layers: paths && changes.light_layers,
+        // Paths are followed for a film beside this one.
+        refinement: false,
         // They show in the light, which has a verdict of its own.
         light_settings: false,
         // Steps are the ray caster's.

@@ -72,6 +72,8 @@ pub struct Paths {
     pub longest: u32,
     /// Whether what each light brings is kept apart.
     pub light_layers: bool,
+    /// Whether pictures in the light of a field are refined by paths.
+    pub refine: bool,
 }
 
 /// What makes a picture of a scene.
@@ -187,6 +189,7 @@ impl Scene {
                 max_error: file.illumination.max_error,
                 longest: file.illumination.longest_path,
                 light_layers: file.illumination.light_layers,
+                refine: file.illumination.refine,
             },
             window: file.rendering.window.unwrap_or(value_range),
             rendering: Rendering::from_file(&file.rendering, value_range),
@@ -261,12 +264,33 @@ impl Scene {
         layered && self.lights.len() == other.lights.len() && self.lights.iter().zip(&other.lights).all(same)
     }
 
-    /// Samples per pixel of a picture at rest.
+    /// Whether paths refine its picture at rest: it is in the light of a method that approximates all of
+    /// light, and the scene asks for it.
+    pub fn is_refined(&self) -> bool {
+        self.paths.refine && self.has_light_field() && self.method != Method::ImageBased
+    }
+
+    /// The same scene as paths see it, which refine its picture.
+    pub fn path_traced(&self) -> Self {
+        let paths = Paths { light_layers: false, ..self.paths };
+        Self { method: Method::PathTraced, paths, ..self.clone() }
+    }
+
+    /// Samples per pixel of a picture at rest: view rays, then paths that refine it.
     pub fn samples_at_rest(&self) -> u32 {
         match self.integrator() {
+            Integrator::RayCaster if self.is_refined() => {
+                self.sampling.samples_per_pixel.saturating_add(self.paths.per_pixel)
+            }
             Integrator::RayCaster => self.sampling.samples_per_pixel,
             Integrator::PathTracer => self.paths.per_pixel,
         }
+    }
+
+    /// Of so many samples per pixel, how many are its integrator's, and how many are paths that refine.
+    pub fn samples_and_paths(&self, samples_per_pixel: u32) -> [u32; 2] {
+        let own = if self.is_refined() { self.sampling.samples_per_pixel } else { u32::MAX };
+        [samples_per_pixel.min(own), samples_per_pixel.saturating_sub(own)]
     }
 
     /// The image of the environment light, if it has one, and its rotation. It is what lies behind the
@@ -343,7 +367,40 @@ mod tests {
     use serde_json::json;
 
     use super::*;
+    use crate::changes::Changes;
     use crate::{Volume, Voxels};
+
+    #[test]
+    fn paths_refine_what_approximates_all_of_light() {
+        let scene = |method: &str, refine: bool, mode: &str| {
+            let file = json!({"version": 1, "volume": {"builtin": "homogeneous"}, "rendering": {"mode": mode},
+                "sampling": {"samples_per_pixel": 6},
+                "illumination": {"method": method, "refine": refine, "paths_per_pixel": 40}});
+            let volume = PreparedVolume::new(Volume::new([2; 3], Voxels::U8(vec![9; 8])), &|_| {});
+            Scene::new(&SceneFile::from_value(file).unwrap(), Arc::new(volume)).unwrap()
+        };
+        for method in ["photon_map", "convection_diffusion", "precomputed_transfer"] {
+            let refined = scene(method, true, "volume");
+            assert!(refined.is_refined() && refined.samples_at_rest() == 46);
+            let shares = [1, 6, 7, 50].map(|samples| refined.samples_and_paths(samples));
+            assert_eq!(shares, [[1, 0], [6, 0], [6, 1], [6, 44]]);
+            assert_eq!(refined.path_traced().integrator(), Integrator::PathTracer);
+            // No light is computed anew for it.
+            let changes = Changes::between(&scene(method, false, "volume"), &refined);
+            assert_eq!(changes, Changes { refinement: true, ..Changes::default() });
+        }
+        for unrefined in [
+            scene("photon_map", false, "volume"),
+            scene("photon_map", true, "maximum"),
+            scene("image_based", true, "volume"),
+            scene("local", true, "volume"),
+        ] {
+            assert!(!unrefined.is_refined());
+            assert_eq!(unrefined.samples_and_paths(50), [50, 0]);
+            assert_eq!(unrefined.samples_at_rest(), 6);
+        }
+        assert_eq!(scene("path_traced", true, "volume").samples_at_rest(), 40);
+    }
 
     #[test]
     fn lights_that_are_nothing_beside_the_brightest_are_left_out() {

@@ -5,6 +5,8 @@ import { until } from "../lib/wait.js";
 import { sessionOf, step, theLetter, world } from "../lib/world.js";
 
 /** Few enough for a software device. */
+/** Few, but enough to know what they are worth. */
+const PATHS = 8;
 const PHOTONS = { method: "photon_map", photons: 8192, photon_grid: 24 };
 
 export function photonSteps() {
@@ -57,6 +59,23 @@ export function photonSteps() {
     const answer = await fetch(`${address}?width=${without.width}&height=${without.height}`);
     assert.equal(answer.status, 200);
     assert.equal(hashOf(pictureFromPng(await answer.arrayBuffer())), hashOf(without));
+    assert.deepEqual(visitor.complaints, []);
+  });
+  step("photon map: at rest paths refine the picture, and its error is told", async (arrive, context) => {
+    const hash = await sessionOf(await theLetter());
+    const visitor = await arrive({ hash });
+    await world.server.json("PATCH", `sessions/${visitor.session()}/scene`, { illumination: { ...PHOTONS, paths_per_pixel: PATHS } });
+    const lit = await visitor.picture();
+    assert.equal(await visitor.at("paths-per-pixel").count(), 0, "paths have no settings where none are followed");
+    assert.equal(await visitor.at("status-error").count(), 0, "photons do not know their error");
+    await visitor.at("refine").click();
+    const refined = await visitor.picture();
+    const { mean } = difference(lit, refined);
+    const error = await visitor.at("status-error").innerText();
+    context.diagnostic(`refined by ${PATHS} paths: differs by ${mean}, told ${error}`);
+    assert.ok(mean > 0.05 && mean < 5, `refined by ${mean}`);
+    assert.ok(Number(/([\d.]+) %/.exec(error)?.[1]) < 30, error);
+    assert.ok((await visitor.at("max-error").count()) > 0, "it can end at an error");
     assert.deepEqual(visitor.complaints, []);
   });
 }

@@ -471,12 +471,11 @@ export type Illumination = {
  */
 method: Method, 
 /**
- * `path_traced`: paths of each pixel at rest, 1..1048576.
+ * `path_traced`, and others where they `refine`: paths of each pixel at rest, 1..1048576.
  */
 paths_per_pixel: number, 
 /**
- * `path_traced`: ends earlier, once the picture's relative standard error is no more than
- * this, 0..1.
+ * The same: ends earlier, once the picture's relative standard error is no more than this, 0..1.
  */
 max_error: number, 
 /**
@@ -489,6 +488,12 @@ longest_path: number,
  * of lights change the picture without a new path. At most 8 lights.
  */
 light_layers: boolean, 
+/**
+ * Methods that approximate all light, `photon_map`, `convection_diffusion` and
+ * `precomputed_transfer`: at rest paths are followed, too, and the picture goes over to what they
+ * find as far as that is known better.
+ */
+refine: boolean, 
 /**
  * `photon_map`: photons of each light, 1..16777216.
  */

@@ -7,7 +7,7 @@ import { session } from "../session/engine";
 import { useSession } from "../session/store";
 import { hasLightGrid } from "./lightGrid";
 import { LightGridFields } from "./LightGridFields";
-import { hasPhotons, isTraced, whyNotMixed, withoutEffect } from "./methods";
+import { canBeRefined, hasPhotons, isTraced, whyNotMixed, withoutEffect } from "./methods";
 import { PhotonFields } from "./PhotonFields";
 import { RecordFields } from "./RecordFields";
 
@@ -46,15 +46,17 @@ export function QualityPanel() {
   const photons = useSession((state) => state.scene !== null && hasPhotons(state.scene));
   const mode = useSession((state) => state.scene?.rendering.mode);
   const traced = useSession((state) => state.scene !== null && isTraced(state.scene));
+  const refinable = useSession((state) => state.scene !== null && canBeRefined(state.scene));
   if (!sampling || !film || background === undefined || orders === undefined || illumination === undefined || lights === undefined) return null;
   const keptInRecords = illumination.method === "image_based" && !traced && mode === "volume";
   const ordersLack = withoutEffect(illumination.method, "scattering orders");
   return (
     <Section id="quality" title="Quality" fields={["sampling", "film", "background", "volume", "scattering", "illumination"]}>
-      {traced ? <PathFields illumination={illumination} lights={lights} /> : <RayFields sampling={sampling} />}
+      {traced ? <TracingFields illumination={illumination} lights={lights} /> : <RayFields sampling={sampling} />}
       {photons && <PhotonFields illumination={illumination} />}
       {onGrid && <LightGridFields illumination={illumination} scatteredOnce={orders === 1} />}
       {keptInRecords && <RecordFields illumination={illumination} />}
+      {refinable && <RefinementFields illumination={illumination} />}
       <Row label="Empty space" hint="Skips regions without matter; never changes the picture">
         <Switch checked={sampling.skip_empty} label="Skip" data-testid="skip-empty" onChange={(event) => session.edit({ sampling: { skip_empty: event.currentTarget.checked } })} />
       </Row>
@@ -94,18 +96,39 @@ function RayFields({ sampling }: { sampling: Sampling }) {
   );
 }
 
+/** Whether paths refine the picture, and until when. */
+function RefinementFields({ illumination }: { illumination: Illumination }) {
+  return (
+    <>
+      <Row label="At rest" hint="Follows paths beneath the finished picture, which goes over to what they find as far as it is known better. Starts again with every change.">
+        <Switch checked={illumination.refine} label="Refine by paths" data-testid="refine" onChange={(event) => session.edit({ illumination: { refine: event.currentTarget.checked } })} />
+      </Row>
+      {illumination.refine && <PathFields illumination={illumination} />}
+    </>
+  );
+}
+
 /** When the path tracer has done enough, and whether it keeps lights apart. */
-function PathFields({ illumination, lights }: { illumination: Illumination; lights: readonly Light[] }) {
-  const percent = illumination.max_error * 100;
+function TracingFields({ illumination, lights }: { illumination: Illumination; lights: readonly Light[] }) {
   const notMixed = whyNotMixed(lights);
   return (
     <>
-      <SliderField label="Paths" hint="Paths of light per pixel that are followed at rest" value={illumination.paths_per_pixel} min={1} max={MAX_PATHS} sliderMax={SLIDER_PATHS} step={1} toSlider={Math.log2} fromSlider={(x) => Math.round(2 ** x)} digits={7} testId="paths-per-pixel" onChange={(paths) => session.edit({ illumination: { paths_per_pixel: Math.round(paths) } }, "paths")} />
-      <SliderField label="Stop at error" hint="Percent: the picture is final once its standard error is this small, or all paths are followed; 0 waits for all paths" value={percent} min={0} max={100} sliderMax={ERRORS.to} step={0.1} toSlider={(x) => Math.log2(Math.max(ERRORS.from, x))} fromSlider={(x) => (2 ** x <= ERRORS.from ? 0 : 2 ** x)} testId="max-error" onChange={(error) => session.edit({ illumination: { max_error: error / 100 } }, "error")} />
+      <PathFields illumination={illumination} />
       <Row label="Lights" hint="Keeps what each light brings apart: colours, strengths, switches and the background then change the finished picture at once. Costs memory for every light and time for those that are off, and starts the picture again.">
         <Switch checked={illumination.light_layers} disabled={notMixed !== null && !illumination.light_layers} label="Mix after rendering" data-testid="light-layers" onChange={(event) => session.edit({ illumination: { light_layers: event.currentTarget.checked } })} />
       </Row>
       {notMixed !== null && <p className="hint row-hint" data-testid="light-layers-note">{notMixed}</p>}
+    </>
+  );
+}
+
+/** When paths have done enough. */
+function PathFields({ illumination }: { illumination: Illumination }) {
+  const percent = illumination.max_error * 100;
+  return (
+    <>
+      <SliderField label="Paths" hint="Paths of light per pixel that are followed at rest" value={illumination.paths_per_pixel} min={1} max={MAX_PATHS} sliderMax={SLIDER_PATHS} step={1} toSlider={Math.log2} fromSlider={(x) => Math.round(2 ** x)} digits={7} testId="paths-per-pixel" onChange={(paths) => session.edit({ illumination: { paths_per_pixel: Math.round(paths) } }, "paths")} />
+      <SliderField label="Stop at error" hint="Percent: the picture is final once its standard error is this small, or all paths are followed; 0 waits for all paths" value={percent} min={0} max={100} sliderMax={ERRORS.to} step={0.1} toSlider={(x) => Math.log2(Math.max(ERRORS.from, x))} fromSlider={(x) => (2 ** x <= ERRORS.from ? 0 : 2 ** x)} testId="max-error" onChange={(error) => session.edit({ illumination: { max_error: error / 100 } }, "error")} />
     </>
   );
 }

@@ -28,8 +28,18 @@ export const isTraced = ({ illumination, rendering }: Pick<SceneFile, "illuminat
 /** Whether photons light the scene: other modes show data, or single places. */
 export const hasPhotons = ({ illumination, rendering }: Pick<SceneFile, "illumination" | "rendering">): boolean => illumination.method === "photon_map" && rendering.mode === "volume";
 
-/** Samples per pixel of a final picture. */
-export const samplesAtRest = (scene: SceneFile): number => (isTraced(scene) ? scene.illumination.paths_per_pixel : scene.sampling.samples_per_pixel);
+/** Methods that approximate all of light: paths can refine their pictures. */
+const refinable: readonly Method[] = ["photon_map", "convection_diffusion", "precomputed_transfer"];
+
+/** Whether paths can refine the picture at rest. */
+export const canBeRefined = ({ illumination, rendering }: Pick<SceneFile, "illumination" | "rendering">): boolean => refinable.includes(illumination.method) && rendering.mode === "volume";
+
+/** Samples per pixel of a final picture: view rays, then paths that refine it. */
+export function samplesAtRest(scene: SceneFile): number {
+  if (isTraced(scene)) return scene.illumination.paths_per_pixel;
+  const refining = scene.illumination.refine && canBeRefined(scene) ? scene.illumination.paths_per_pixel : 0;
+  return scene.sampling.samples_per_pixel + refining;
+}
 
 /** What a control of the panels does not do with this method, in words; null if it works. */
 export function withoutEffect(method: Method, control: "clip shadows" | "scattering orders"): string | null {

@@ -1,11 +1,29 @@
 import { describe, expect, it } from "vitest";
-import type { FrameHeader, FrameReport, Illumination, Light, Method } from "../generated/proto";
-import { shortcoming, whyNotMixed, withoutEffect } from "../quality/methods";
+import type { FrameHeader, FrameReport, Illumination, Light, Method, SceneFile } from "../generated/proto";
+import { canBeRefined, samplesAtRest, shortcoming, whyNotMixed, withoutEffect } from "../quality/methods";
 import { editRows, editTimes, formatCount, headline, keptShare, lightPercent, passesRun, reusedShare, skippedShare, stageTime, stateInWords } from "./figures";
 
-const illumination = (method: Method): Illumination => ({ method, paths_per_pixel: 256, max_error: 0, longest_path: 100000, light_layers: false, light_grid: 0.5, light_bands: 3, transport: "characteristics", explicit_steps: 5, diffusion: "p1", heat_spread: 0.05, max_residual: 0.001, photons: 65536, photon_events: 16, photon_grid: 48, photon_bands: 3, direct_grid: 64, records: 32, record_directions: 48, record_bands: 3, record_form: "product", record_lookup: "trilinear", record_window: false, transfer_lights: 162, transfer_grid: 32, transfer_directions: 192, transfer_photons: 262144, transfer_events: 32, transfer_bands: 3 });
+const illumination = (method: Method): Illumination => ({ method, paths_per_pixel: 256, max_error: 0, longest_path: 100000, light_layers: false, refine: false, light_grid: 0.5, light_bands: 3, transport: "characteristics", explicit_steps: 5, diffusion: "p1", heat_spread: 0.05, max_residual: 0.001, photons: 65536, photon_events: 16, photon_grid: 48, photon_bands: 3, direct_grid: 64, records: 32, record_directions: 48, record_bands: 3, record_form: "product", record_lookup: "trilinear", record_window: false, transfer_lights: 162, transfer_grid: 32, transfer_directions: 192, transfer_photons: 262144, transfer_events: 32, transfer_bands: 3 });
 const frame = { samples_per_pixel: 3, width: 640, height: 360, viewport_width: 640, viewport_height: 360 } as FrameHeader;
 const report = (counters: Record<string, number>): FrameReport => ({ changes: [], plan: [], stages: [], counters, gpu_bytes: {} });
+
+describe("samples of a final picture", () => {
+  const scene = (method: Method, refine: boolean, mode: "volume" | "maximum" = "volume") =>
+    ({ illumination: { ...illumination(method), refine }, sampling: { samples_per_pixel: 8 }, rendering: { mode } }) as SceneFile;
+
+  it("are view rays, or paths, or paths after rays", () => {
+    expect(samplesAtRest(scene("local", true))).toBe(8);
+    expect(samplesAtRest(scene("photon_map", false))).toBe(8);
+    expect(samplesAtRest(scene("photon_map", true))).toBe(264);
+    expect(samplesAtRest(scene("photon_map", true, "maximum"))).toBe(8);
+    expect(samplesAtRest(scene("path_traced", false))).toBe(256);
+  });
+
+  it("are refined where all of light is approximated", () => {
+    const refined = (["local", "convection_diffusion", "image_based", "photon_map", "precomputed_transfer", "path_traced"] as const).filter((method) => canBeRefined(scene(method, true)));
+    expect(refined).toEqual(["convection_diffusion", "photon_map", "precomputed_transfer"]);
+  });
+});
 
 describe("the status line", () => {
   it("says how far the picture is", () => {

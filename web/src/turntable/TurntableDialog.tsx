@@ -8,7 +8,7 @@ import { baseName } from "../app/files";
 import { useUi } from "../app/uiStore";
 import { formatBytes } from "../datasets/format";
 import type { Camera, ExportFormat, ExportRequest, SceneFile } from "../generated/proto";
-import { isTraced } from "../quality/methods";
+import { samplesAtRest } from "../quality/methods";
 import { useSession } from "../session/store";
 import { filmInWords, filmRefusal, filmRequest } from "./film";
 import { FilmViews } from "./FilmViews";
@@ -56,8 +56,7 @@ function Content() {
 
 function startOf(scene: SceneFile | null, frame: { viewport_width: number; viewport_height: number } | null): TurntableSettings | null {
   if (!scene || !frame) return null;
-  const samples = isTraced(scene) ? scene.illumination.paths_per_pixel : scene.sampling.samples_per_pixel;
-  return suggested({ width: frame.viewport_width, height: frame.viewport_height }, samples);
+  return suggested({ width: frame.viewport_width, height: frame.viewport_height }, samplesAtRest(scene));
 }
 
 /** The same for a turntable and a film. */

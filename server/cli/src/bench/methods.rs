@@ -136,9 +136,19 @@ const PHOTON_MAP: Entry = Entry {
             r#"{"illumination": {"photons": 4194304, "photon_grid": 64}}"#,
             false,
         ),
+        photons(
+            "262 k photons, 32 texels, refined by 64 paths",
+            r#"{"illumination": {"photons": 262144, "photon_grid": 32, "refine": true, "paths_per_pixel": 64}}"#,
+            true,
+        ),
+        photons(
+            "262 k photons, 32 texels, refined by 1024 paths",
+            r#"{"illumination": {"photons": 262144, "photon_grid": 32, "refine": true, "paths_per_pixel": 1024}}"#,
+            false,
+        ),
     ],
     usual: 0,
-    // The same photons every time.
+    // The same photons and paths every time.
     noisy: false,
     off_by_at_most: 0.3,
     // Where a texel is optically thick the extinction it is divided by is capped.

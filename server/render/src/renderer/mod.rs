@@ -2,6 +2,7 @@
 
 mod casting;
 mod layers;
+mod refining;
 mod tracing;
 
 use std::collections::BTreeMap;
@@ -36,6 +37,7 @@ use crate::view::{
 use crate::volume_texture::{DEFAULT_GPU_BYTES, VolumeCache};
 use crate::warm_up::warm_up_scene;
 pub(crate) use casting::name_counters;
+pub(crate) use refining::Refinement;
 pub use tracing::PathEstimate;
 pub(crate) use tracing::PathFilm;
 
@@ -55,6 +57,7 @@ pub struct Renderer {
     pub(crate) record_passes: Arc<image_based::Passes>,
     pub(crate) direct_light: Arc<direct_light::Passes>,
     tone_mapper: ToneMapper,
+    refining: refining::Pipelines,
     convection_diffusion: convection_diffusion::Pipelines,
     pub(crate) transfer_pipelines: precomputed_transfer::Pipelines,
 }
@@ -221,6 +224,7 @@ impl Renderer {
         let photon_pipelines = Arc::new(PhotonPipelines::new(gpu.clone()));
         let transfer_pipelines = precomputed_transfer::Pipelines::new(gpu.clone());
         let tone_mapper = ToneMapper::new(gpu.clone())?;
+        let refining = refining::Pipelines::new(&gpu);
         gpu.take_error()?;
         let convection_diffusion = convection_diffusion::Pipelines::default();
         Ok(Self {
@@ -234,6 +238,7 @@ impl Renderer {
             record_passes,
             direct_light,
             tone_mapper,
+            refining,
         })
     }
 
@@ -283,6 +288,11 @@ impl Renderer {
     /// # Errors
     /// What is not built, too large or out of memory; GPU errors. The view may be drawn again.
     pub fn draw(&mut self, view: &mut View, request: &DrawRequest<'_>) -> Result<Drawn, RenderError> {
+        self.draw_refined(view, request)
+    }
+
+    /// The same without paths that refine.
+    fn draw_film(&mut self, view: &mut View, request: &DrawRequest<'_>) -> Result<Drawn, RenderError> {
         let began = Instant::now();
         let snapshot = &centred(request.snapshot);
         let request = &DrawRequest { snapshot, ..*request };
@@ -368,8 +378,10 @@ impl Renderer {
         if scene.has_light_field() { view.light.lock().stale_shares(&self.gpu) } else { Ok(None) }
     }
 
-    /// What drawing would do now.
+    /// What drawing would do now, paths that refine left aside.
     pub fn plan(&self, view: &View, snapshot: &Arc<Snapshot>, target: Target) -> Plan {
+        let [samples_per_pixel, _] = snapshot.scene.samples_and_paths(target.samples_per_pixel);
+        let target = Target { samples_per_pixel, ..target };
         self.plan_centred(view, &centred(snapshot).scene, target)
     }
 
@@ -412,7 +424,10 @@ impl Renderer {
             return Err(RenderError::Gpu("the view was never drawn".into()));
         };
         let pixels = u64::from(film.width) * u64::from(film.height);
-        let held = Target { width: film.width, height: film.height, samples_per_pixel: film.samples };
+        let refinement = view.refinement.as_ref().filter(|refinement| refinement.paths > 0);
+        let (shown, paths) = refinement.map_or((&buffers.film, 0), |shown| (&shown.blended, shown.paths));
+        let samples_per_pixel = film.samples + paths;
+        let held = Target { width: film.width, height: film.height, samples_per_pixel };
         let current = view.picture.as_ref().is_some_and(|(snapshot, shown)| {
             *shown == held && film.rows == 0 && snapshot.scene.film == film.snapshot.scene.film
         });
@@ -423,7 +438,7 @@ impl Renderer {
                 // Greys of values are not light: shown as they are.
                 settings.tone_mapping = ToneMapping::Linear;
             }
-            self.tone_mapper.run(&buffers.film, &buffers.picture, pixels as u32, &settings);
+            self.tone_mapper.run(shown, &buffers.picture, pixels as u32, &settings);
         }
         let rgba = self.gpu.read_buffer(&buffers.picture, pixels * PICTURE_PIXEL_BYTES)?;
         // A film in the middle of a pass will have changed by the next call.
@@ -440,7 +455,9 @@ impl Renderer {
             return Err(RenderError::Gpu("the view was never drawn".into()));
         };
         let pixels = u64::from(film.width) * u64::from(film.height);
-        let bytes = self.gpu.read_buffer(&buffers.film, pixels * FILM_PIXEL_BYTES)?;
+        let refinement = view.refinement.as_ref().filter(|refinement| refinement.paths > 0);
+        let shown = refinement.map_or(&buffers.film, |refinement| &refinement.blended);
+        let bytes = self.gpu.read_buffer(shown, pixels * FILM_PIXEL_BYTES)?;
         let sums: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&bytes);
         let rgb = sums.iter().flat_map(|&[r, g, b, count]| [r, g, b].map(|x| x / count.max(1.0)));
         Ok(Radiance { width: film.width, height: film.height, rgb: rgb.collect() })
@@ -627,6 +644,7 @@ impl Renderer {
             ("segments", view.segment_bytes()),
             ("paths", view.path_bytes()),
             ("light", light_bytes),
+            ("refinement", view.refinement.as_ref().map_or(0, |refinement| refinement.bytes())),
         ]
         .map(|(owner, bytes)| (owner.to_owned(), bytes))
         .into()

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use proto::frame::{FLAG_FINAL, FLAG_MOVING, FRAME_HEADER_BYTES, FRAME_MAGIC, FrameHeader};
-use proto::plan::{FrameReport, StageTime};
+use proto::plan::FrameReport;
 use render::{Drawn, Picture};
 use scene::Snapshot;
 use scene::plan::{Pass, Target};
@@ -100,14 +100,8 @@ pub(super) fn accumulate(report: &mut Option<FrameReport>, slice: FrameReport) {
         *report = Some(slice);
         return;
     };
-    for StageTime { stage, millis, device_millis } in slice.stages {
-        match report.stages.iter_mut().find(|known| known.stage == stage) {
-            Some(known) => {
-                known.millis += millis;
-                known.device_millis = known.device_millis.zip(device_millis).map(|(a, b)| a + b);
-            }
-            None => report.stages.push(StageTime { stage, millis, device_millis }),
-        }
+    for stage in slice.stages {
+        stage.add_to(&mut report.stages);
     }
     let reused = OF_ALL.map(|[reused, recomputed]| {
         let total = |counters: &BTreeMap<String, u64>| {
