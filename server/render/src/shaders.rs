@@ -251,11 +251,17 @@ pub const HEAT_MATTER: &str = with_direct_light!("convection_diffusion/heat.wgsl
 /// `compose_field`.
 pub const COMPOSE_FIELD: &str = with_direct_light!("shared/sh.wgsl", "convection_diffusion/compose.wgsl");
 
-/// `compare`: how far an approximate film and that of paths are apart.
-pub const COMPARE: &str = parts!("refinement/compare.wgsl");
+/// `differ`: by how much an approximate film and that of paths differ.
+pub const DIFFER: &str = parts!("refinement/parts.wgsl", "refinement/differ.wgsl");
 
-/// `blend`: both in one.
-pub const BLEND: &str = parts!("refinement/blend.wgsl");
+/// `split`: parts of that, from fine to smooth.
+pub const SPLIT: &str = parts!("refinement/parts.wgsl", "refinement/split.wgsl");
+
+/// `take_over`: as much of each as is known.
+pub const TAKE_OVER: &str = parts!("refinement/parts.wgsl", "refinement/take_over.wgsl");
+
+/// `blend`: one film of both.
+pub const BLEND: &str = parts!("refinement/parts.wgsl", "refinement/blend.wgsl");
 
 /// `tone_map`.
 pub const TONE_MAP: &str = parts!("film/tone_map.wgsl");
@@ -287,7 +293,9 @@ pub const ALL: &[(&str, &str)] = &[
     ("march_direct", MARCH_DIRECT),
     ("march_records", MARCH_RECORDS),
     ("project_records", PROJECT_RECORDS),
-    ("compare", COMPARE),
+    ("differ", DIFFER),
+    ("split", SPLIT),
+    ("take_over", TAKE_OVER),
     ("blend", BLEND),
     ("tone_map", TONE_MAP),
 ];

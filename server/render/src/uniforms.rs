@@ -257,6 +257,19 @@ pub struct Restart {
     pub bins: [u32; 2],
 }
 
+/// `DifferencePart` of shaders/refinement/parts.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct DifferencePart {
+    pub image: [u32; 2],
+    pub stride: u32,
+    pub noise: f32,
+    pub centre: f32,
+    pub pad0: f32,
+    pub pad1: [f32; 2],
+}
+
 /// `LightGrid` of shaders/convection_diffusion/grid.wgsl.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
@@ -641,6 +654,7 @@ pub fn layouts() -> Vec<Layout> {
         layout!("Compose", Compose { bands, diffusion, pad0, pad1 }),
         layout!("Heat", Heat { spread, pad0, pad1, pad2 }),
         layout!("Restart", Restart { image, bins }),
+        layout!("DifferencePart", DifferencePart { image, stride, noise, centre, pad0, pad1 }),
         layout!(
             "Records",
             Records {

@@ -6,12 +6,13 @@ use std::time::Instant;
 use scene::plan::{FilmPlan, Pass, Target, good_enough};
 use scene::{Scene, Snapshot};
 
-use super::tracing::{PathEstimate, ratio_of_sums};
+use super::tracing::PathEstimate;
 use super::{DrawRequest, Drawn, Renderer};
 use crate::error::RenderError;
 use crate::gpu::{Gpu, buffer_entry};
 use crate::path_tracer::TILE_EDGE;
 use crate::shaders;
+use crate::uniforms::DifferencePart;
 use crate::view::{FILM_PIXEL_BYTES, View};
 
 /// Fewest paths of a pixel whose spread tells anything.
@@ -19,13 +20,21 @@ const FEWEST_PATHS: u32 = 8;
 /// Most paths of a pixel between two looks at the error.
 const MOST_PATHS_AT_ONCE: u32 = 32;
 /// Bytes of what is known of a tile.
-const TILE_BYTES: u64 = 16;
+const TILE_BYTES: u64 = 8;
 /// Bytes of a tile's expected error and brightness.
 const ERROR_BYTES: u64 = 8;
 
+/// Parts that differences are split into, from fine to smooth: see `DifferencePart`. Smoothing is by 1 2 1 along both
+/// axes, so the figures follow for noise that is independent from pixel to pixel: variance of a part, and
+/// weight of a pixel in it.
+const PARTS: [(u32, f32, f32); 3] =
+    [(1, 41.0 / 64.0, 0.75), (2, 0.074_462_89, 3.0 / 16.0), (0, 0.029_541_016, 1.0 / 16.0)];
+
 /// Pipelines of shaders/refinement.
 pub(super) struct Pipelines {
-    compare: wgpu::ComputePipeline,
+    differ: wgpu::ComputePipeline,
+    split: wgpu::ComputePipeline,
+    take_over: wgpu::ComputePipeline,
     blend: wgpu::ComputePipeline,
 }
 
@@ -38,7 +47,12 @@ impl Pipelines {
             });
             gpu.compute_pipeline(pass, None, &module, &[])
         };
-        Self { compare: pipeline("compare", shaders::COMPARE), blend: pipeline("blend", shaders::BLEND) }
+        Self {
+            differ: pipeline("differ", shaders::DIFFER),
+            split: pipeline("split", shaders::SPLIT),
+            take_over: pipeline("take_over", shaders::TAKE_OVER),
+            blend: pipeline("blend", shaders::BLEND),
+        }
     }
 }
 
@@ -49,6 +63,8 @@ pub(crate) struct Refinement {
     /// The newest scene, and the same as paths see it.
     scenes: Option<[Arc<Snapshot>; 2]>,
     uniform: wgpu::Buffer,
+    /// What the films differ by: whole, and smoothed once and twice.
+    differences: [wgpu::Buffer; 3],
     tiles: wgpu::Buffer,
     errors: wgpu::Buffer,
     /// Both films in one.
@@ -64,7 +80,8 @@ impl Refinement {
     /// Bytes of all buffers.
     pub fn bytes(&self) -> u64 {
         let buffers = [&self.uniform, &self.tiles, &self.errors, &self.blended];
-        self.view.total_bytes() + buffers.map(wgpu::Buffer::size).iter().sum::<u64>()
+        let sizes = buffers.into_iter().chain(&self.differences).map(wgpu::Buffer::size);
+        self.view.total_bytes() + sizes.sum::<u64>()
     }
 
     /// What it holds is not the film's any more. Paths may serve again: their plan knows.
@@ -136,11 +153,13 @@ impl Renderer {
         let tiles = u64::from(width.div_ceil(TILE_EDGE)) * u64::from(height.div_ceil(TILE_EDGE));
         let pixels = u64::from(width) * u64::from(height);
         let gpu = &self.gpu;
+        let difference = || gpu.buffer("differences", pixels * FILM_PIXEL_BYTES, storage);
         Ok(Refinement {
             view: View::new(),
             scenes: None,
-            uniform: gpu.buffer("refinement", 16, uniform)?,
-            tiles: gpu.buffer("differences", tiles * TILE_BYTES, storage)?,
+            uniform: gpu.buffer("refinement", std::mem::size_of::<DifferencePart>() as u64, uniform)?,
+            differences: [difference()?, difference()?, difference()?],
+            tiles: gpu.buffer("tiles of differences", tiles * TILE_BYTES, storage)?,
             errors: gpu.buffer("expected errors", tiles * ERROR_BYTES, storage)?,
             blended: gpu.buffer("the blended film", pixels * FILM_PIXEL_BYTES, storage)?,
             width,
@@ -208,29 +227,44 @@ impl Renderer {
         else {
             return Err(RenderError::Gpu("a film of the refinement is missing".into()));
         };
-        let size = [refinement.width, refinement.height, 0, 0];
-        self.gpu.queue.write_buffer(&refinement.uniform, 0, bytemuck::cast_slice(&size));
+        let Refinement { width, height, uniform, differences, tiles, errors, blended, .. } = refinement;
         let groups = refinement.tiles();
-        let entries = [
-            buffer_entry(0, &refinement.uniform),
-            buffer_entry(1, &own.film),
-            buffer_entry(2, &followed.film),
-            buffer_entry(3, &paths.spreads),
-            buffer_entry(4, &refinement.tiles),
-        ];
-        self.dispatch_with(&self.refining.compare, &entries, groups);
-        let entries = [
-            buffer_entry(0, &refinement.uniform),
-            buffer_entry(1, &own.film),
-            buffer_entry(2, &followed.film),
-            buffer_entry(3, &refinement.tiles),
-            buffer_entry(4, &refinement.blended),
-            buffer_entry(5, &refinement.errors),
-        ];
-        self.dispatch_with(&self.refining.blend, &entries, groups);
+        let image = [*width, *height];
+        let run = |pipeline, part: DifferencePart, entries: &[(u32, &wgpu::Buffer)]| {
+            self.gpu.queue.write_buffer(uniform, 0, bytemuck::bytes_of(&part));
+            let all = std::iter::once((0, uniform)).chain(entries.iter().copied());
+            let all: Vec<_> = all.map(|(binding, buffer)| buffer_entry(binding, buffer)).collect();
+            self.dispatch_with(pipeline, &all, groups);
+        };
+        let whole = DifferencePart { image, ..DifferencePart::default() };
+        let [first, ..] = differences;
+        let films = [(1, first), (3, blended), (5, &own.film), (6, &followed.film), (7, &paths.spreads)];
+        run(&self.refining.differ, whole, &films);
+        for (index, (stride, noise, centre)) in PARTS.into_iter().enumerate() {
+            let part = DifferencePart { image, stride, noise, centre, ..DifferencePart::default() };
+            // The last part is smoothed to nothing, in place of the first.
+            let smoothed = &differences[if stride > 0 { index + 1 } else { 1 }];
+            let buffers = [(1, &differences[index]), (2, smoothed), (4, tiles)];
+            run(&self.refining.split, part, &buffers);
+            run(&self.refining.take_over, part, &[buffers.as_slice(), &[(3, blended)]].concat());
+        }
+        run(&self.refining.blend, whole, &[(1, first), (3, blended), (5, &own.film), (6, errors)]);
         let bytes = u64::from(groups[0]) * u64::from(groups[1]) * ERROR_BYTES;
-        Ok(ratio_of_sums(&self.gpu.read_buffer(&refinement.errors, bytes)?))
+        Ok(expected_error(&self.gpu.read_buffer(&refinement.errors, bytes)?))
     }
+}
+
+/// Relative error of a film from the expected squared errors and the squares of its tiles: one standard
+/// error above the estimate, for that of few tiles is rough.
+fn expected_error(bytes: &[u8]) -> f64 {
+    let tiles: Vec<[f32; 2]> = bytemuck::pod_collect_to_vec(bytes);
+    let total = |which: usize| tiles.iter().map(|tile| f64::from(tile[which])).sum::<f64>();
+    let (squared_error, squared_value) = (total(0), total(1));
+    let count = tiles.len() as f64;
+    let apart = |tile: &[f32; 2]| (f64::from(tile[0]) - squared_error / count).powi(2);
+    let scatter = (tiles.iter().map(apart).sum::<f64>() * count / (count - 1.0).max(1.0)).sqrt();
+    let at_most = (squared_error + scatter).max(0.0);
+    if squared_value > 0.0 { (at_most / squared_value).sqrt() } else { 0.0 }
 }
 
 impl Drawn {

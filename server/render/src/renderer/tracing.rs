@@ -495,7 +495,11 @@ impl Renderer {
             buffer_entry(3, &paths.sums),
         ];
         self.dispatch_with(&self.path_tracer.error, &entries, in_a_row(blocks));
-        Ok(ratio_of_sums(&self.gpu.read_buffer(&paths.sums, u64::from(blocks) * 8)?))
+        let bytes = self.gpu.read_buffer(&paths.sums, u64::from(blocks) * 8)?;
+        let sums: Vec<[f32; 2]> = bytemuck::pod_collect_to_vec(&bytes);
+        let total = |which: usize| sums.iter().map(|sum| f64::from(sum[which])).sum::<f64>();
+        let (variance, squared_mean) = (total(0), total(1));
+        Ok(if squared_mean > 0.0 { (variance / squared_mean).sqrt() } else { 0.0 })
     }
 
     /// Standard error of each value of [`Renderer::radiance`], of a path-traced film. With light
@@ -535,14 +539,6 @@ impl Renderer {
         }
         Ok(())
     }
-}
-
-/// Relative error of a film from partial sums: pairs of squared errors and squared values.
-pub(super) fn ratio_of_sums(bytes: &[u8]) -> f64 {
-    let sums: Vec<[f32; 2]> = bytemuck::pod_collect_to_vec(bytes);
-    let total = |which: usize| sums.iter().map(|sum| f64::from(sum[which])).sum::<f64>();
-    let (squared_error, squared_mean) = (total(0), total(1));
-    if squared_mean > 0.0 { (squared_error.max(0.0) / squared_mean).sqrt() } else { 0.0 }
 }
 
 fn halves(bins: u64) -> [u32; 2] {
