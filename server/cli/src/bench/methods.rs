@@ -27,6 +27,9 @@ pub struct Entry {
     pub not_yet: Option<&'static str>,
     /// Cases of `stability` where it may be off by more, for what its model leaves out.
     pub weak_at: &'static [(&'static str, f64)],
+    /// Half as fine a grid as the usual setting's, a merge patch, and by how much brightness may differ in
+    /// it; `None`: it has no grid.
+    pub halved: Option<(&'static str, f64)>,
     /// The counter that says how much it worked.
     pub work: &'static str,
     /// The share of energy that its counters say it cut or clamped; `None`: it does neither.
@@ -103,6 +106,7 @@ const LOCAL_ENTRY: Entry = Entry {
     off_by_at_most: 0.0,
     weak_at: &[],
     not_yet: None,
+    halved: None,
     work: "samples_taken",
     truncated: |_| None,
 };
@@ -154,6 +158,7 @@ const PHOTON_MAP: Entry = Entry {
     // Where a texel is optically thick the extinction it is divided by is capped.
     weak_at: &[("1x1x1", 1.6)],
     not_yet: None,
+    halved: Some((r#"{"illumination": {"photon_grid": 8, "direct_grid": 32}}"#, 0.1)),
     work: "tentative_collisions",
     truncated: |counters| {
         let count = |name: &str| counters.get(name).copied().unwrap_or(0) as f64;
@@ -196,6 +201,7 @@ const CONVECTION_DIFFUSION: Entry = Entry {
     // Matter whose skin is thinner than a cell, up to the faces of the box.
     weak_at: &[("opacity 1 everywhere", 1.0)],
     not_yet: None,
+    halved: Some((r#"{"illumination": {"light_grid": 0.25}}"#, 0.1)),
     work: "light_cells_carried",
     truncated: |_| None,
 };
@@ -238,6 +244,7 @@ const IMAGE_BASED: Entry = Entry {
     // Matter whose skin is thinner than the distance of records: they lie inside, in the dark.
     weak_at: &[("1, extinction 1e4", 0.5), ("opacity 1 everywhere", 0.8)],
     not_yet: None,
+    halved: Some((r#"{"illumination": {"records": 8, "direct_grid": 32}}"#, 0.1)),
     work: "record_cells_taken",
     truncated: |_| None,
 };
@@ -273,6 +280,7 @@ const PRECOMPUTED_TRANSFER: Entry = Entry {
     off_by_at_most: 0.3,
     weak_at: &[],
     not_yet: Some("a bake in matter of 1e4 and more takes minutes, and near lights are refused"),
+    halved: Some((r#"{"illumination": {"transfer_grid": 8}}"#, 0.1)),
     work: "transfer_rays_marched",
     truncated: |counters| {
         let count = |name: &str| counters.get(name).copied().unwrap_or(0) as f64;
@@ -296,6 +304,7 @@ const PATH_TRACED: Entry = Entry {
     off_by_at_most: 0.0,
     weak_at: &[],
     not_yet: None,
+    halved: None,
     work: "tentative_collisions",
     truncated: |counters| {
         let count = |name: &str| counters.get(name).copied().unwrap_or(0) as f64;

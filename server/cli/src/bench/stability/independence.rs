@@ -1,9 +1,10 @@
 //! Brightness does not depend on how finely a scene is sampled: steps on view rays, levels of detail,
-//! and the number of voxels of one and the same field.
+//! the number of voxels of one and the same field, and the grid that light is kept on.
 
 use std::sync::Arc;
 use std::time::Duration;
 
+use proto::SceneFile;
 use proto::scene_file::Builtin;
 use scene::levels::Reduction;
 use scene::part::Part;
@@ -19,6 +20,9 @@ const IMAGE: [u32; 2] = [32, 32];
 const PATIENCE: Duration = Duration::from_secs(120);
 /// Voxels along each axis of the finest field.
 const EDGE: usize = 64;
+
+/// A patch without anything.
+const UNCHANGED: &str = "{}";
 
 /// A pair of pictures that must be equally bright.
 pub struct Pair {
@@ -49,25 +53,25 @@ pub fn measure(canvas: &mut Canvas, entry: &Entry) -> anyhow::Result<Vec<Pair>> 
             let mut json = usual_scene();
             json["volume"] = json!({"builtin": kind.name()});
             let volume = prepared(scene::builtin::build(kind, [edge; 3], &|_| {}));
-            let file = proto::SceneFile::from_value(json)?;
+            let file = SceneFile::from_value(json)?;
             Ok::<_, anyhow::Error>(Loaded { file, volume, images: Default::default() })
         };
         let loaded = field(EDGE)?;
-        let mut mean = |loaded: &Loaded, step: Option<f64>| -> anyhow::Result<f64> {
-            let mut file = entry.usually(&loaded.file)?;
+        let mut mean = |loaded: &Loaded, step: Option<f64>, patch: &str| -> anyhow::Result<f64> {
+            let mut file = patched(&entry.usually(&loaded.file)?, patch)?;
             if let Some(step) = step {
                 file.sampling.step_voxels = step;
             }
             let drawing = canvas.draw(&loaded.scene(&file)?, IMAGE, None, PATIENCE)?;
             Ok(drawing.radiance.iter().flatten().sum())
         };
-        let finest = mean(&loaded, Some(0.25))?;
+        let finest = mean(&loaded, Some(0.25), UNCHANGED)?;
         for (step, tolerance) in [(2.0, 0.05), (1.0, 0.02), (0.5, 0.01)] {
             let name = format!("{}: step {step} against 1/4 voxel", kind.name());
-            let ratio = mean(&loaded, Some(step))? / finest;
+            let ratio = mean(&loaded, Some(step), UNCHANGED)? / finest;
             pairs.push(Pair { name, ratio, tolerance: tolerance + noise });
         }
-        let full = mean(&loaded, None)?;
+        let full = mean(&loaded, None, UNCHANGED)?;
         for (level, tolerance) in [(1, 0.02), (2, 0.06)] {
             let whole = &loaded.volume;
             let part = Part::of_region(whole.volume.dims, level, None);
@@ -77,11 +81,22 @@ pub fn measure(canvas: &mut Canvas, entry: &Entry) -> anyhow::Result<Vec<Pair>> 
                 images: Default::default(),
             };
             let name = format!("{}: level {level} against level 0", kind.name());
-            pairs.push(Pair { name, ratio: mean(&coarser, None)? / full, tolerance: tolerance + noise });
+            let ratio = mean(&coarser, None, UNCHANGED)? / full;
+            pairs.push(Pair { name, ratio, tolerance: tolerance + noise });
         }
-        let ratio = mean(&field(EDGE / 2)?, None)? / full;
+        if let Some((patch, tolerance)) = entry.halved {
+            let name = format!("{}: grid half as fine", kind.name());
+            pairs.push(Pair { name, ratio: mean(&loaded, None, patch)? / full, tolerance });
+        }
+        let ratio = mean(&field(EDGE / 2)?, None, UNCHANGED)? / full;
         let name = format!("{}: {}^3 against {EDGE}^3 voxels", kind.name(), EDGE / 2);
         pairs.push(Pair { name, ratio, tolerance: 0.03 + noise });
     }
     Ok(pairs)
+}
+
+fn patched(file: &SceneFile, patch: &str) -> anyhow::Result<SceneFile> {
+    let mut json = serde_json::to_value(file)?;
+    json_patch::merge(&mut json, &serde_json::from_str(patch)?);
+    Ok(SceneFile::from_value(json)?)
 }
