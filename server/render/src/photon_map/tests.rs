@@ -30,14 +30,14 @@ fn file(patches: &[Value]) -> Value {
     file
 }
 
-fn snapshot(volume: &Arc<PreparedVolume>, patches: &[Value], epoch: u32) -> Arc<Snapshot> {
+pub(super) fn snapshot(volume: &Arc<PreparedVolume>, patches: &[Value], epoch: u32) -> Arc<Snapshot> {
     let file = proto::SceneFile::from_value(file(patches)).unwrap();
     Arc::new(Snapshot { epoch, scene: Scene::new(&file, volume.clone()).unwrap() })
 }
 
 const TARGET: Target = Target { width: 32, height: 32, samples_per_pixel: 1 };
 
-fn draw(renderer: &mut Renderer, view: &mut View, snapshot: &Arc<Snapshot>) -> Drawn {
+pub(super) fn draw(renderer: &mut Renderer, view: &mut View, snapshot: &Arc<Snapshot>) -> Drawn {
     let drawn = renderer.draw(view, &DrawRequest { snapshot, target: TARGET, budget: None }).unwrap();
     assert!(drawn.complete && drawn.illumination == 1.0);
     drawn
@@ -271,41 +271,6 @@ fn every_remedy_is_needed() {
         eprintln!("without {what}: {found:?}");
         assert!(found.is_err(), "without {what} nothing is wrong");
     }
-}
-
-/// Where all light that meets matter is scattered, each photon carries what it began with from its first
-/// interaction to its last, in every channel; and what the cut takes away is what those carry that
-/// would have gone on.
-#[test]
-fn scattering_neither_loses_nor_gains_light() {
-    const SLOTS: usize = 8;
-    let mut renderer = renderer();
-    let volume = balls(24);
-    let white = json!({"materials": {"m": {"phase": {"type": "henyey_greenstein", "g": 0.5}}},
-        "transfer_function": {"points": [
-            {"s": 0.1, "extinction": 0, "albedo": [1, 1, 1], "material": "m"},
-            {"s": 0.4, "extinction": 30, "albedo": [1, 1, 1], "material": "m"}]}});
-    let snapshot = snapshot(&volume, &[white], 1);
-    let mut view = View::new();
-    let drawn = draw(&mut renderer, &mut view, &snapshot);
-    let buffers = view.light.lock().photon_map().unwrap().contents(renderer.gpu()).unwrap();
-    let [_, ends, _, ways, histories] = &buffers["sun"][..] else { panic!("one chunk") };
-    let word = |bytes: &[u8], index: usize| f32::from_le_bytes(bytes[4 * index..][..4].try_into().unwrap());
-    let (mut met, mut full, mut began) = (0_u64, 0.0, None);
-    for photon in 0..ends.len() / 32 {
-        let count = word(ends, 8 * photon + 4).to_bits() as usize;
-        for slot in photon * SLOTS..photon * SLOTS + count {
-            let carried =
-                [word(ways, 4 * slot + 3), word(histories, 8 * slot + 4), word(histories, 8 * slot + 5)];
-            let expected = *began.get_or_insert(carried[0]);
-            assert!(carried.iter().all(|c| (c / expected - 1.0).abs() < 1e-4), "{carried:?} of {expected}");
-            met += 1;
-        }
-        full += if count == SLOTS { f64::from(began.unwrap()) } else { 0.0 };
-    }
-    assert_eq!(drawn.counters["photon_interactions"], met);
-    let cut = drawn.counters["throughput_cut_1024ths"] as f64 / 1024.0;
-    assert!(full > 100.0 && (cut / full - 1.0).abs() < 1e-3, "{cut} for {full}");
 }
 
 /// Where most photons are stale, all are followed anew; where fewer are, the others are kept.
