@@ -33,8 +33,8 @@ struct Size {
     runs: usize,
 }
 
-const USUAL: Size = Size { voxels: 32, photons: 16_384, sweep: &[4096, 65_536], grid: 16, runs: 3 };
-const QUICK: Size = Size { voxels: 20, photons: 4096, sweep: &[], grid: 12, runs: 1 };
+const USUAL: Size = Size { voxels: 64, photons: 8192, sweep: &[2048, 32_768], grid: 16, runs: 2 };
+const QUICK: Size = Size { voxels: 20, photons: 2048, sweep: &[], grid: 12, runs: 1 };
 
 /// Pixels along each axis: few, for light is measured.
 const PIXELS: u32 = 24;
@@ -193,7 +193,7 @@ pub fn run(quick: bool, out: &Path) -> anyhow::Result<()> {
 
 /// What was measured where.
 fn about(canvas: &Canvas, size: &Size, more: &Value) -> Value {
-    let mut about = json!({"device": canvas.device(), "volume": [size.voxels; 3], "image": [PIXELS, PIXELS],
+    let mut about = json!({"device": canvas.device(), "volume": vec![size.voxels; 3], "image": [PIXELS, PIXELS],
         "method": "photon_map", "photon_grid": size.grid, "direct_grid": DIRECT_GRID,
         "clock": "wall clock of the pass that computes light; the quickest run counts", "runs": size.runs});
     json_patch::merge(&mut about, more);
@@ -204,7 +204,7 @@ fn about(canvas: &Canvas, size: &Size, more: &Value) -> Value {
 fn scene_of(builtin: Builtin, photons: u32, size: &Size) -> anyhow::Result<(Value, Arc<PreparedVolume>)> {
     let volume = prepared(scene::builtin::build(builtin, [size.voxels; 3], &|_| {}));
     let mut file = serde_json::to_value(scene::builtin::scene(builtin)?)?;
-    file["volume"]["dims"] = json!([size.voxels; 3]);
+    file["volume"]["dims"] = json!(vec![size.voxels; 3]);
     file["illumination"] = json!({"method": "photon_map", "photons": photons, "photon_grid": size.grid,
         "direct_grid": DIRECT_GRID});
     Ok((file, volume))

@@ -1,5 +1,6 @@
 //! What following edits costs where nothing is edited, and where it stops paying.
 
+use std::ops::Range;
 use std::path::Path;
 
 use proto::scene_file::Builtin;
@@ -61,17 +62,19 @@ pub fn of_masks(canvas: &mut Canvas, size: &Size, out: &Path) -> anyhow::Result<
     Ok(table.markdown(&names))
 }
 
-/// Edits that leave ever more photons stale: what is recoloured of which scene.
-const EVER_MORE: [(Builtin, &[std::ops::Range<usize>]); 9] = [
-    (Builtin::CornellBox, &[10..12]),
-    (Builtin::VesselTree, &[3..4]),
-    (Builtin::NestedShells, &[8..10]),
-    (Builtin::CornellBox, &[8..10]),
-    (Builtin::NestedShells, &[6..8]),
-    (Builtin::CornellBox, &[2..4, 10..12]),
-    (Builtin::CornellBox, &[2..6]),
-    (Builtin::NestedShells, &[2..4]),
-    (Builtin::CornellBox, &[6..8]),
+/// Edits that leave few to nearly all photons stale: which control points are recoloured of which scene.
+const EVER_MORE: [(Builtin, Range<usize>); 11] = [
+    (Builtin::CornellBox, 10..12),
+    (Builtin::CornellBox, 8..10),
+    (Builtin::CornellBox, 2..4),
+    (Builtin::CornellBox, 2..6),
+    (Builtin::CornellBox, 6..8),
+    (Builtin::NestedShells, 8..10),
+    (Builtin::NestedShells, 6..8),
+    (Builtin::NestedShells, 4..6),
+    (Builtin::NestedShells, 2..4),
+    (Builtin::VesselTree, 3..4),
+    (Builtin::VesselTree, 2..3),
 ];
 
 /// Edits of ever more photons, followed and begun again. The table as Markdown.
@@ -94,9 +97,7 @@ pub fn of_beginning_again(canvas: &mut Canvas, size: &Size, out: &Path) -> anyho
     for (builtin, which) in EVER_MORE {
         let (before, volume) = scene_of(builtin, size.photons, size)?;
         let mut after = before.clone();
-        for range in which {
-            points(&mut after, range.clone(), &json!({"albedo": [0.55, 0.45, 0.35]}));
-        }
+        points(&mut after, which.clone(), &json!({"albedo": [0.55, 0.45, 0.35]}));
         let before = snapshot(before, &volume, 1)?;
         let after = snapshot(after, &volume, 2)?;
         let mut kept = View::new();
