@@ -73,20 +73,27 @@ fn counted(uvw: vec3f, step: vec3f) -> f32 {
     let depth = sigma_t * texel;
     var seen = min(sigma_t, MOST_DEPTH / texel);
     if depth > MOST_DEPTH {
-        // To the nearest way out along an axis, within a texel.
-        var below = MOST_DEPTH;
+        // Of the axes the one with the nearest way out within a texel; a thin wall has two skins on it.
+        var nearest = MOST_DEPTH;
+        var uncovered = 0.0;
+        var before_last = 0.0;
         for (var way = 0u; way < 6u; way++) {
-            let axis = vec3f(vec3u(way % 3u) == vec3u(0u, 1u, 2u));
-            let onward = select(step, -step, way >= 3u) * axis;
+            let axis = vec3f(vec3u(way / 2u) == vec3u(0u, 1u, 2u));
+            let onward = select(step, -step, (way & 1u) == 1u) * axis;
             var before = 0.0;
             for (var i = 1u; i <= PLACES; i++) {
-                if before < below {
+                if before < MOST_DEPTH {
                     before += extinction_at(uvw + f32(i) * onward / frame.size_world) * dot(step, axis);
                 }
             }
-            below = min(below, before);
+            before = min(before, MOST_DEPTH);
+            if (way & 1u) == 1u && min(before, before_last) < nearest {
+                nearest = min(before, before_last);
+                uncovered = 2.0 * MOST_DEPTH - before - before_last;
+            }
+            before_last = before;
         }
-        let skin = min(sigma_t, (MOST_DEPTH - below) / across);
+        let skin = min(sigma_t, uncovered / across);
         seen = mix(seen, skin, smoothstep(MOST_DEPTH, OPAQUE_DEPTH, depth));
     }
     return seen;

@@ -41,8 +41,8 @@ impl PhotonVariant {
 }
 
 /// Where more of a light's photons than this share are stale, its sums are emptied and all are followed
-/// anew (shaders/photon_map/README.md).
-const BEGIN_AGAIN_SHARE: f64 = 0.5;
+/// anew. Measured: following takes as long at 0.41, and 1.1 times as long at 0.48 (docs/benchmarks/README.md).
+const BEGIN_AGAIN_SHARE: f64 = 0.4;
 
 /// How maps are made: other than usual only to compare what that costs.
 #[derive(Debug, Clone, Copy, PartialEq)]
