@@ -10,7 +10,8 @@
 @group(0) @binding(15) var<storage, read_write> ways: array<vec4f>;
 // Throughput of green and blue; bins, blocks: everything that was relied on up to here.
 @group(0) @binding(16) var<storage, read_write> histories: array<vec4u>;
-// Of each photon two: what all of its way relied on; and the number of its interactions.
+// Of each photon two: what all of its way relied on; and the number of its interactions, and the
+// throughput that it left the volume with (0: it did not).
 @group(0) @binding(17) var<storage, read_write> ends: array<vec4u>;
 
 struct Photons {
@@ -41,6 +42,12 @@ struct Photons {
     seed: u32,
     // 1: clipped matter blocks light.
     clip_shadows: u32,
+    // Photons that are worked on: their number, where their list begins in `counters`, and where that of
+    // those begins that are left unfinished.
+    listed: u32,
+    list: u32,
+    next_list: u32,
+    pad0: u32,
 }
 
 // Stages beside those of shared/path.wgsl.

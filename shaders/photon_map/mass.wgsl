@@ -19,6 +19,8 @@ struct Mass {
 // Light that falls straight on opaque matter, seen from where it comes: half of it is left, on average
 // over what is seen.
 const MOST_DEPTH = 2.0;
+// Optical depth of a texel from which on only its skin counts.
+const OPAQUE_DEPTH = 6.0;
 // Places along an axis of a cell.
 const PLACES = 4u;
 
@@ -30,25 +32,14 @@ fn add_up_mass(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups
     let across = mass.dims + 1u;
     let cell = vec3f(f32(cell_index % across.x), f32(cell_index / across.x % across.y), f32(cell_index / (across.x * across.y)));
     let dims = vec3f(mass.dims);
-    let last_macrocell = vec3i(textureDimensions(macrocells)) - 1;
     var sums = array<f32, 8>();
     let step = frame.size_world / (dims * f32(PLACES));
     let volume = step.x * step.y * step.z;
-    // What lies deeper than light gets does not count, or skins of opaque matter would be as dark as its
-    // inside: of a texel an optical depth of MOST_DEPTH.
-    let texel = frame.size_world / dims;
-    let most = MOST_DEPTH * 3.0 / (texel.x + texel.y + texel.z);
     for (var i = 0u; i < PLACES * PLACES * PLACES; i++) {
         let part = (vec3f(f32(i % PLACES), f32(i / PLACES % PLACES), f32(i / (PLACES * PLACES))) + 0.5) / f32(PLACES);
         let uvw = (cell - 0.5 + part) / dims;
-        let x = (uvw - 0.5) * frame.size_world;
-        // Cells at the border stick half out of the box.
-        var wanted = all(uvw > vec3f(0.0)) && all(uvw < vec3f(1.0));
-        let macrocell = clamp(vec3i(floor(uvw * frame.voxels / 4.0)), vec3i(0), last_macrocell);
-        wanted = wanted && bitcast<f32>(textureLoad(macrocells, macrocell, 0).x) > 0.0;
-        if wanted && keeps(x) {
-            let s = s_of_texel(texel_value(uvw));
-            let sigma_t = min(sigma_t_in(piece_of(s, true), s), most);
+        let sigma_t = counted(uvw, step);
+        if sigma_t > 0.0 {
             for (var corner = 0u; corner < 8u; corner++) {
                 let upper = vec3u(corner & 1u, (corner >> 1u) & 1u, corner >> 2u);
                 let near = select(1.0 - part, part, upper == vec3u(1u));
@@ -59,4 +50,51 @@ fn add_up_mass(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups
     if which < mass.count {
         for (var corner = 0u; corner < 8u; corner++) { moments[8u * cell_index + corner] = sums[corner]; }
     }
+}
+
+// Extinction at a place; cells at the border stick half out of the box.
+fn extinction_at(uvw: vec3f) -> f32 {
+    let last = vec3i(textureDimensions(macrocells)) - 1;
+    let macrocell = clamp(vec3i(floor(uvw * frame.voxels / 4.0)), vec3i(0), last);
+    let inside = all(uvw > vec3f(0.0)) && all(uvw < vec3f(1.0));
+    if !inside || bitcast<f32>(textureLoad(macrocells, macrocell, 0).x) <= 0.0 { return 0.0; }
+    if !keeps((uvw - 0.5) * frame.size_world) { return 0.0; }
+    let s = s_of_texel(texel_value(uvw));
+    return sigma_t_in(piece_of(s, true), s);
+}
+
+// Extinction at a place as far as light gets and is seen from outside: of matter that is opaque within a
+// texel what lies no deeper than MOST_DEPTH below its skin, whatever part of texels it fills. `step`: between
+// places of the sum.
+fn counted(uvw: vec3f, step: vec3f) -> f32 {
+    let sigma_t = extinction_at(uvw);
+    let across = (step.x + step.y + step.z) / 3.0;
+    let texel = across * f32(PLACES);
+    let depth = sigma_t * texel;
+    var seen = min(sigma_t, MOST_DEPTH / texel);
+    if depth > MOST_DEPTH {
+        // Of the axes the one with the nearest way out within a texel; a thin wall has two skins on it.
+        var nearest = MOST_DEPTH;
+        var uncovered = 0.0;
+        var before_last = 0.0;
+        for (var way = 0u; way < 6u; way++) {
+            let axis = vec3f(vec3u(way / 2u) == vec3u(0u, 1u, 2u));
+            let onward = select(step, -step, (way & 1u) == 1u) * axis;
+            var before = 0.0;
+            for (var i = 1u; i <= PLACES; i++) {
+                if before < MOST_DEPTH {
+                    before += extinction_at(uvw + f32(i) * onward / frame.size_world) * dot(step, axis);
+                }
+            }
+            before = min(before, MOST_DEPTH);
+            if (way & 1u) == 1u && min(before, before_last) < nearest {
+                nearest = min(before, before_last);
+                uncovered = 2.0 * MOST_DEPTH - before - before_last;
+            }
+            before_last = before;
+        }
+        let skin = min(sigma_t, uncovered / across);
+        seen = mix(seen, skin, smoothstep(MOST_DEPTH, OPAQUE_DEPTH, depth));
+    }
+    return seen;
 }

@@ -2,7 +2,8 @@
 // an interaction is valid if its own history is. (A pass of its own: in one with the trace it crashes the
 // compiler of Mesa 22's software device.)
 
-@group(0) @binding(6) var<storage, read_write> stale_photons: atomic<u32>;
+// How many they are, and at `photons.list` which.
+@group(0) @binding(6) var<storage, read_write> stale_photons: array<atomic<u32>>;
 
 @compute @workgroup_size(64)
 fn take_up(@builtin(global_invocation_id) id: vec3u) {
@@ -43,6 +44,10 @@ fn take_up(@builtin(global_invocation_id) id: vec3u) {
         ends[2u * local] = met;
         let is_at_work = is_stale && (path.stage != DONE || path.light > path.scatterings);
         ends[2u * local + 1u].x = path.light | select(0u, UNFINISHED_PHOTON, is_at_work);
-        if is_stale { atomicAdd(&stale_photons, 1u); }
+        if is_stale {
+            ends[2u * local + 1u] = vec4u(ends[2u * local + 1u].x, 0u, 0u, 0u);
+            let place = atomicAdd(&stale_photons[0], 1u);
+            atomicStore(&stale_photons[photons.list + place], local);
+        }
     }
 }

@@ -1,19 +1,21 @@
 // Method `photon_map`: photons followed from a light, each interaction stored with the bins and blocks
 // that everything up to it relied on (its historygram), so that after an edit a photon is taken up
 // again behind its last valid interaction (README.md). An invocation works on one photon: where it has
-// got to is kept between dispatches, so that no dispatch is long.
+// got to is kept between dispatches, so that no dispatch is long. Only photons that are listed are worked
+// on: invocations run in step, and one photon among many that are left alone would cost as much as all.
 //
 // Every stored interaction is also part of the light sums (deposit.wgsl): taken out before it is
 // overwritten, added when it is stored. Sums are integers: their order makes no difference, and a
 // photon taken out leaves nothing behind.
 
 // Pairs of low and high words: tentative collisions, cells looked up, interactions, 1024ths of throughput
-// cut off; then one word: photons unfinished.
+// cut off; then one word: photons unfinished. Behind them lists of photons.
 @group(0) @binding(6) var<storage, read_write> counters: array<atomic<u32>>;
 const PHOTON_COUNTERS = 4u;
 const CUT_UNIT = 1024.0;
+// Whether histories are kept; without them edits cannot be followed, and only costs are compared.
+override MASKS: bool = true;
 var<workgroup> group_counts: array<atomic<u32>, PHOTON_COUNTERS>;
-var<workgroup> group_unfinished: atomic<u32>;
 
 @compute @workgroup_size(64)
 fn trace_photons(
@@ -21,8 +23,9 @@ fn trace_photons(
     @builtin(local_invocation_index) lane: u32,
 ) {
     always_zero = id.z;
-    let inside = id.x < photons.count;
-    let local = min(id.x, photons.count - 1u);
+    let inside = id.x < photons.listed;
+    let place = photons.list + min(id.x, photons.listed - 1u);
+    let local = min(atomicLoad(&counters[place]), photons.count - 1u);
     var path = paths[local];
     var blocks = vec2u(0u);
     // Values that are loaded here and used behind the loop crash the compiler of Mesa 22's software
@@ -59,14 +62,14 @@ fn trace_photons(
         if !undoes && (outcome != UNFINISHED || !flies) {
             let collides = flies && outcome == COLLISION;
             let until = select(whole.y, path.t, collides);
-            blocks |= blocks_on_way(path.origin, path.direction, whole.x, until, flies);
+            if MASKS { blocks |= blocks_on_way(path.origin, path.direction, whole.x, until, flies); }
             let x = path.origin + path.t * path.direction;
             let stores = collides && keeps(x);
             slot = base + path.light;
             if stores {
                 places[slot] = vec4f(x, bitcast<f32>(path.draws));
                 ways[slot] = vec4f(path.direction, path.throughput.x);
-                histories[2u * slot] = vec4u(bins_met, blocks);
+                if MASKS { histories[2u * slot] = vec4u(bins_met, blocks); }
                 histories[2u * slot + 1u] = vec4u(bitcast<vec2u>(path.throughput.yz), 0u, 0u);
                 path.origin = x;
                 path.light += 1u;
@@ -77,6 +80,10 @@ fn trace_photons(
             let last = path.light == photons.slots;
             if flies && (outcome == LOST || stores && last) { cut += max_of(path.throughput); }
             path.stage = select(DONE, AT, stores && !last);
+            if flies && outcome == ESCAPE {
+                let left_with = bitcast<vec3u>(path.throughput);
+                ends[2u * local + 1u] = vec4u(ends[2u * local + 1u].x, left_with);
+            }
         }
         // What has not been scattered is not the field's where it is kept apart.
         let is_apart = slot == base && steering(photons.direct) == 1u;
@@ -87,12 +94,17 @@ fn trace_photons(
     }
     let finished = path.stage == DONE && path.light == path.scatterings;
     if inside {
+        // Read again: a value that was loaded before the loop crashes Mesa's compiler here.
+        let local = min(atomicLoad(&counters[place]), photons.count - 1u);
         paths[local] = path;
         if is_at_work {
-            ends[2u * local] = vec4u(bins_met, blocks);
+            if MASKS { ends[2u * local] = vec4u(bins_met, blocks); }
             ends[2u * local + 1u].x = path.light | select(UNFINISHED_PHOTON, 0u, finished);
         }
-        atomicAdd(&group_unfinished, select(1u, 0u, finished));
+        if !finished {
+            let next = atomicAdd(&counters[2u * PHOTON_COUNTERS], 1u);
+            atomicStore(&counters[photons.next_list + next], local);
+        }
         atomicAdd(&group_counts[0], lookups.x);
         atomicAdd(&group_counts[1], lookups.y);
         atomicAdd(&group_counts[2], interactions);
@@ -103,8 +115,6 @@ fn trace_photons(
         let amount = atomicLoad(&group_counts[lane]);
         let before = atomicAdd(&counters[2u * lane], amount);
         if before + amount < before { atomicAdd(&counters[2u * lane + 1u], 1u); }
-    } else if lane == PHOTON_COUNTERS {
-        atomicAdd(&counters[2u * PHOTON_COUNTERS], atomicLoad(&group_unfinished));
     }
 }
 

@@ -40,6 +40,7 @@ mod warm_up;
 pub use error::RenderError;
 pub use gpu::{AdapterPolicy, Gpu};
 pub use illumination::Light;
+pub use photon_map::PhotonTrial;
 pub use renderer::{
     DrawRequest, Drawn, METHODS_BUILT, PathEstimate, Picture, Preparer, Radiance, Renderer, check,
 };

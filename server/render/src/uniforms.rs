@@ -207,6 +207,10 @@ pub struct Photons {
     pub reference: f32,
     pub seed: u32,
     pub clip_shadows: u32,
+    pub listed: u32,
+    pub list: u32,
+    pub next_list: u32,
+    pub pad0: u32,
 }
 
 /// `Mass` of shaders/photon_map/mass.wgsl.
@@ -617,6 +621,10 @@ pub fn layouts() -> Vec<Layout> {
                 reference,
                 seed,
                 clip_shadows,
+                listed,
+                list,
+                next_list,
+                pad0,
             }
         ),
         layout!("Mass", Mass { dims, count }),

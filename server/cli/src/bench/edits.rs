@@ -1,5 +1,8 @@
 //! Suite `edits`: what of a photon map an edit makes stale, and what following only that saves: the
-//! experiments of *Historygrams* (table 1) on stand-ins from formulas.
+//! experiments of *Historygrams* (table 1) on stand-ins from formulas. What keeping histories costs, and from
+//! which share of stale photons on a map is sooner made anew: [`costs`].
+
+mod costs;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -17,16 +20,26 @@ use super::drawing::Canvas;
 use super::report::{Line, Table, columns, line_chart, rounded};
 use super::scenes::prepared;
 
-/// Voxels and pixels along each axis.
-const VOXELS: usize = 32;
+/// How much is measured.
+struct Size {
+    /// Voxels along each axis.
+    voxels: usize,
+    /// Photons of each light, and those of the sweep.
+    photons: u32,
+    sweep: &'static [u32],
+    /// Texels of scattered light along an edge.
+    grid: u32,
+    /// Times that each edit is made; the quickest counts.
+    runs: usize,
+}
+
+const USUAL: Size = Size { voxels: 64, photons: 8192, sweep: &[2048, 32_768], grid: 16, runs: 2 };
+const QUICK: Size = Size { voxels: 20, photons: 2048, sweep: &[], grid: 12, runs: 1 };
+
+/// Pixels along each axis: few, for light is measured.
 const PIXELS: u32 = 24;
-/// Photons of each light, and those of the sweep.
-const PHOTONS: u32 = 32_768;
-const SWEEP: [u32; 3] = [8192, 32_768, 131_072];
-/// Texels of scattered light along an edge.
-const GRID: u32 = 16;
-/// Times that each edit is made; the quickest counts.
-const RUNS: usize = 2;
+/// Nodes of direct light along an edge: with as many as usual they would take most of the time.
+const DIRECT_GRID: u32 = 16;
 
 /// An edit of a scene.
 struct Experiment {
@@ -96,7 +109,7 @@ fn points(scene: &mut Value, which: std::ops::Range<usize>, patch: &Value) {
     }
 }
 
-const COLUMNS: [&str; 20] = [
+const COLUMNS: [&str; 19] = [
     "experiment",
     "about",
     "photons",
@@ -104,9 +117,9 @@ const COLUMNS: [&str; 20] = [
     "photons_redone",
     "photons_share",
     "interactions_share",
+    "look_ups_share",
     "bricks_share",
     "nodes_share",
-    "segments_share",
     "lights_begun_again",
     "work_saved",
     "time_saved",
@@ -114,63 +127,89 @@ const COLUMNS: [&str; 20] = [
     "millis_reuse",
     "millis_anew",
     "speed_up",
-    "light_bytes",
     "history_bytes",
     "same_picture",
 ];
 
-/// Measures every edit.
+/// Measures every edit. Tables are written after each.
 ///
 /// # Errors
 /// A picture that is not bit for bit the one from scratch, after all tables were written.
-pub fn run(out: &Path) -> anyhow::Result<()> {
+pub fn run(quick: bool, out: &Path) -> anyhow::Result<()> {
+    let size = if quick { QUICK } else { USUAL };
     let mut canvas = Canvas::open()?;
     let mut table = Table {
         name: "edits",
-        about: json!({"device": canvas.device(), "volume": [VOXELS, VOXELS, VOXELS], "image": [PIXELS, PIXELS],
-            "method": "photon_map", "photon_grid": GRID,
-            "clock": "wall clock of the pass that computes light; without reuse: an empty view",
-            "work": "interactions of photons"}),
+        about: about(
+            &canvas,
+            &size,
+            &json!({
+            "work": "places of matter and cells looked up by photons, and cells looked up for direct light",
+            "without reuse": "an empty view"}),
+        ),
         columns: columns(&COLUMNS),
         rows: Vec::new(),
     };
-    let mut lines = Vec::new();
+    let mut dots = Vec::new();
     let mut wrong = Vec::new();
-    let mut measure = |experiment: &Experiment, photons: u32| -> anyhow::Result<(f64, f64)> {
-        let measured = Measured::of(&mut canvas, experiment, photons)?;
+    let usual = EXPERIMENTS.iter().map(|experiment| (experiment, size.photons));
+    let sweep = size.sweep.iter().map(|&photons| (&EXPERIMENTS[2], photons));
+    for (experiment, photons) in usual.chain(sweep) {
+        let measured = Measured::of(&mut canvas, experiment, photons, &size)?;
         if !measured.same {
             wrong.push(experiment.name);
         }
         table.rows.push(measured.cells(experiment, photons));
-        Ok((measured.share("photons_recomputed"), measured.speed_up()))
-    };
-    let mut dots = Vec::new();
-    for experiment in &EXPERIMENTS {
-        dots.push(measure(experiment, PHOTONS)?);
+        table.write(out)?;
+        dots.push((measured.share(&["photons_recomputed"]), measured.speed_up()));
     }
     dots.sort_by(|a, b| a.0.total_cmp(&b.0));
-    lines.push(Line { label: "edits".into(), points: dots });
-    for photons in SWEEP.into_iter().filter(|&photons| photons != PHOTONS) {
-        measure(&EXPERIMENTS[2], photons)?;
-    }
-    table.write(out)?;
+    let lines = [Line { label: "edits".into(), points: dots }];
+    line_chart(
+        &out.join("edits.svg"),
+        "Edits of a photon map",
+        "share of photons followed anew",
+        "speed-up",
+        &lines,
+    )?;
+    let masks = costs::of_masks(&mut canvas, &size, out)?;
+    let beginning_again = costs::of_beginning_again(&mut canvas, &size, out)?;
     let of_table = table.markdown(&[
         "experiment",
         "photons",
         "photons_share",
-        "interactions_share",
-        "nodes_share",
+        "look_ups_share",
         "time_saved",
         "time_over_work",
         "speed_up",
+        "same_picture",
     ]);
-    std::fs::write(out.join("edits.md"), of_table)?;
-    let path = out.join("edits.svg");
-    line_chart(&path, "Edits of a photon map", "share of photons followed anew", "speed-up", &lines)?;
+    std::fs::write(out.join("edits.md"), [of_table, masks, beginning_again].join("\n"))?;
     if wrong.is_empty() {
         return Ok(());
     }
     bail!("not the picture from scratch: {}", wrong.join(", "))
+}
+
+/// What was measured where.
+fn about(canvas: &Canvas, size: &Size, more: &Value) -> Value {
+    let mut about = json!({"device": canvas.device(), "volume": vec![size.voxels; 3], "image": [PIXELS, PIXELS],
+        "method": "photon_map", "photon_grid": size.grid, "direct_grid": DIRECT_GRID,
+        "clock": "software devices: processor time of all threads, of light and a picture of 2 x 2 pixels; others: \
+                  wall clock of the pass that computes light; the quickest run counts",
+        "runs": size.runs});
+    json_patch::merge(&mut about, more);
+    about
+}
+
+/// A scene as a file, and its voxels.
+fn scene_of(builtin: Builtin, photons: u32, size: &Size) -> anyhow::Result<(Value, Arc<PreparedVolume>)> {
+    let volume = prepared(scene::builtin::build(builtin, [size.voxels; 3], &|_| {}));
+    let mut file = serde_json::to_value(scene::builtin::scene(builtin)?)?;
+    file["volume"]["dims"] = json!(vec![size.voxels; 3]);
+    file["illumination"] = json!({"method": "photon_map", "photons": photons, "photon_grid": size.grid,
+        "direct_grid": DIRECT_GRID});
+    Ok((file, volume))
 }
 
 /// An edit with what is kept, and from scratch.
@@ -181,49 +220,40 @@ struct Measured {
     anew: BTreeMap<String, u64>,
     millis_reuse: f64,
     millis_anew: f64,
-    segments_share: f64,
-    light_bytes: u64,
     events: u32,
     same: bool,
 }
 
+/// Counters of what light looks up on its way.
+const LOOK_UPS: [&str; 3] = ["tentative_collisions", "cells_looked_up", "direct_cells_taken"];
+
 impl Measured {
-    fn of(canvas: &mut Canvas, experiment: &Experiment, photons: u32) -> anyhow::Result<Self> {
-        let volume = prepared(scene::builtin::build(experiment.scene, [VOXELS; 3], &|_| {}));
-        let mut before = serde_json::to_value(scene::builtin::scene(experiment.scene)?)?;
-        before["volume"]["dims"] = json!([VOXELS, VOXELS, VOXELS]);
-        before["illumination"] = json!({"method": "photon_map", "photons": photons, "photon_grid": GRID});
+    fn of(canvas: &mut Canvas, experiment: &Experiment, photons: u32, size: &Size) -> anyhow::Result<Self> {
+        let (before, volume) = scene_of(experiment.scene, photons, size)?;
         let mut after = before.clone();
         (experiment.edit)(&mut after);
         let before = snapshot(before, &volume, 1)?;
         let after = snapshot(after, &volume, 2)?;
-        // Compiles what both need.
-        finish(canvas, &mut View::new(), &after)?;
+        // Compiles what both need, and is kept from run to run.
+        let mut kept = View::new();
+        finish(canvas, &mut kept, &after)?;
         let (mut millis_reuse, mut millis_anew) = (f64::INFINITY, f64::INFINITY);
         let mut last = None;
-        for _ in 0..RUNS {
-            let mut kept = View::new();
+        for _ in 0..size.runs {
             finish(canvas, &mut kept, &before)?;
-            let reuse = finish(canvas, &mut kept, &after)?;
+            let (reuse, millis) = finish(canvas, &mut kept, &after)?;
+            millis_reuse = millis_reuse.min(millis);
             let mut empty = View::new();
-            let anew = finish(canvas, &mut empty, &after)?;
-            millis_reuse = millis_reuse.min(illuminate_millis(&reuse));
-            millis_anew = millis_anew.min(illuminate_millis(&anew));
-            let [a, b] = [canvas.renderer().radiance(&kept)?.rgb, canvas.renderer().radiance(&empty)?.rgb];
-            let same = a.iter().map(|x| x.to_bits()).eq(b.iter().map(|x| x.to_bits()));
-            last = Some((reuse, anew, same));
+            let (anew, millis) = finish(canvas, &mut empty, &after)?;
+            millis_anew = millis_anew.min(millis);
+            last = Some((reuse, anew, same_picture(canvas, &after, [&mut kept, &mut empty])?));
         }
         let Some((reuse, anew, same)) = last else { bail!("nothing was measured") };
-        let count = |drawn: &Drawn, name: &str| drawn.counters.get(name).copied().unwrap_or(0) as f64;
-        let cast = count(&reuse, "segments_cast");
-        let segments = cast + count(&reuse, "segments_reused");
         Ok(Self {
             lights: after.scene.lights.len(),
             photons,
             millis_reuse,
             millis_anew,
-            segments_share: if segments > 0.0 { cast / segments } else { 1.0 },
-            light_bytes: anew.gpu_bytes.get("light").copied().unwrap_or(0),
             events: after.scene.illumination.photon_events,
             reuse: reuse.counters,
             anew: anew.counters,
@@ -231,9 +261,11 @@ impl Measured {
         })
     }
 
-    /// Of a counter what the edit took of what a new map takes.
-    fn share(&self, counter: &str) -> f64 {
-        let of = |counters: &BTreeMap<String, u64>| counters.get(counter).copied().unwrap_or(0) as f64;
+    /// Of counters what the edit took of what a new map takes.
+    fn share(&self, counters: &[&str]) -> f64 {
+        let of = |counted: &BTreeMap<String, u64>| -> f64 {
+            counters.iter().map(|&name| counted.get(name).copied().unwrap_or(0) as f64).sum()
+        };
         if of(&self.anew) > 0.0 { of(&self.reuse) / of(&self.anew) } else { 0.0 }
     }
 
@@ -243,22 +275,22 @@ impl Measured {
 
     fn cells(&self, experiment: &Experiment, photons: u32) -> Vec<Value> {
         let count = |name: &str| json!(self.reuse.get(name).copied().unwrap_or(0));
-        let interactions = self.share("photon_interactions");
-        let work_saved = 1.0 - interactions;
+        let look_ups = self.share(&LOOK_UPS);
+        let work_saved = 1.0 - look_ups;
         let time_saved = 1.0 - self.millis_reuse / self.millis_anew;
-        // Histories take half of an interaction's 64 bytes, and of a photon's end 16 of 32.
-        let histories = u64::from(self.photons) * self.lights as u64 * (32 * u64::from(self.events) + 16);
+        // Of an interaction's 64 bytes 16 are its history, and as many of a photon's end.
+        let histories = u64::from(self.photons) * self.lights as u64 * 16 * (u64::from(self.events) + 1);
         vec![
             json!(experiment.name),
             json!(experiment.about),
             json!(photons),
             json!(self.lights),
             count("photons_recomputed"),
-            rounded(self.share("photons_recomputed")),
-            rounded(interactions),
-            rounded(self.share("bricks_recomputed")),
-            rounded(self.share("direct_nodes_cast")),
-            rounded(self.segments_share),
+            rounded(self.share(&["photons_recomputed"])),
+            rounded(self.share(&["photon_interactions"])),
+            rounded(look_ups),
+            rounded(self.share(&["bricks_recomputed"])),
+            rounded(self.share(&["direct_nodes_cast"])),
             count("lights_begun_again"),
             rounded(work_saved),
             rounded(time_saved),
@@ -266,11 +298,26 @@ impl Measured {
             rounded(self.millis_reuse),
             rounded(self.millis_anew),
             rounded(self.speed_up()),
-            json!(self.light_bytes),
             json!(histories),
             json!(self.same),
         ]
     }
+}
+
+/// Whether two views show the same of a scene, bit for bit.
+fn same_picture(
+    canvas: &mut Canvas,
+    snapshot: &Arc<Snapshot>,
+    views: [&mut View; 2],
+) -> anyhow::Result<bool> {
+    let target = Target { width: PIXELS, height: PIXELS, samples_per_pixel: 1 };
+    let mut pictures = Vec::new();
+    for view in views {
+        canvas.renderer().draw(view, &DrawRequest { snapshot, target, budget: None })?;
+        let bits = canvas.renderer().radiance(view)?.rgb.iter().map(|x| x.to_bits()).collect::<Vec<u32>>();
+        pictures.push(bits);
+    }
+    Ok(pictures[0] == pictures[1])
 }
 
 fn snapshot(file: Value, volume: &Arc<PreparedVolume>, epoch: u32) -> anyhow::Result<Arc<Snapshot>> {
@@ -279,16 +326,30 @@ fn snapshot(file: Value, volume: &Arc<PreparedVolume>, epoch: u32) -> anyhow::Re
     Ok(Arc::new(Snapshot { epoch, scene }))
 }
 
-fn finish(canvas: &mut Canvas, view: &mut View, snapshot: &Arc<Snapshot>) -> anyhow::Result<Drawn> {
-    let target = Target { width: PIXELS, height: PIXELS, samples_per_pixel: 1 };
-    Ok(canvas.renderer().draw(view, &DrawRequest { snapshot, target, budget: None })?)
+/// Brings light to a snapshot, for a picture of next to no pixels, and says how many milliseconds it took.
+fn finish(canvas: &mut Canvas, view: &mut View, snapshot: &Arc<Snapshot>) -> anyhow::Result<(Drawn, f64)> {
+    let target = Target { width: 2, height: 2, samples_per_pixel: 1 };
+    let cpu = canvas.device().software.then(cpu_millis).flatten();
+    let drawn = canvas.renderer().draw(view, &DrawRequest { snapshot, target, budget: None })?;
+    let illuminate = drawn.stages.iter().find(|time| time.stage == "illuminate");
+    let millis = match (cpu, cpu_millis()) {
+        (Some(before), Some(after)) => after - before,
+        _ => illuminate.map_or(0.0, |time| time.millis),
+    };
+    // The least that is told, where nothing ran.
+    Ok((drawn, millis.max(1e-3)))
 }
 
-/// Of the pass that computes light; the least that can be told where it did not run.
-fn illuminate_millis(drawn: &Drawn) -> f64 {
-    const LEAST: f64 = 1e-3;
-    let stage = drawn.stages.iter().find(|time| time.stage == "illuminate");
-    stage.map_or(LEAST, |time| time.millis.max(LEAST))
+/// Processor time of all threads of this process, milliseconds, where the system tells: a software device
+/// works in them, and other processes do not count.
+fn cpu_millis() -> Option<f64> {
+    let of_thread = |entry: std::io::Result<std::fs::DirEntry>| {
+        let text = std::fs::read_to_string(entry.ok()?.path().join("schedstat")).ok()?;
+        text.split_whitespace().next()?.parse::<f64>().ok()
+    };
+    let threads = std::fs::read_dir("/proc/self/task").ok()?;
+    let nanos: f64 = threads.filter_map(of_thread).sum();
+    (nanos > 0.0).then_some(nanos / 1e6)
 }
 
 #[cfg(test)]

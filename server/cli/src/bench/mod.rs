@@ -63,7 +63,7 @@ pub struct Arguments {
     #[arg(long, value_enum, default_value_t = SceneSize::Small)]
     size: SceneSize,
     /// The short form of `accuracy`, `stability` and `skip`: fails where work or error is more than
-    /// what was accepted.
+    /// what was accepted. That of `edits` has fewer photons.
     #[arg(long)]
     quick: bool,
     /// Where reference pictures are kept from run to run; default: `references` in the reports' folder.
@@ -114,7 +114,7 @@ fn run_suite(suite: Suite, arguments: &Arguments) -> anyhow::Result<()> {
         Suite::Stability => stability::run(&chosen_methods(&arguments.methods)?, arguments.quick, out),
         Suite::Skip => skip::run(&chosen_scenes(&arguments.scenes)?, arguments.quick, out),
         Suite::Steps => steps::run(&chosen_scenes(&arguments.scenes)?, out),
-        Suite::Edits => edits::run(out),
+        Suite::Edits => edits::run(arguments.quick, out),
         Suite::Bases => bases::run(out),
         Suite::Stream => stream::run(out),
         Suite::Load => load::run(out),

@@ -20,6 +20,8 @@ const MACROCELL_EDGE: f64 = 4.0;
 const SUM_BYTES: u64 = 24;
 /// `MOST_DEPTH` of shaders/photon_map/mass.wgsl.
 const MOST_DEPTH: f64 = 2.0;
+/// How far from a place the same shader looks at matter: texels.
+const HIDING_TEXELS: f64 = 1.0;
 /// Eight sums of extinction a cell, f32.
 const MOMENT_BYTES: u64 = 32;
 const WORKGROUP: u32 = 64;
@@ -148,7 +150,8 @@ impl FieldOfPhotons {
         Ok(true)
     }
 
-    /// Cells between texel centres that reach into a macrocell with one of the bins.
+    /// Cells between texel centres that reach into a macrocell with one of the bins, or within a texel of
+    /// one: that far matter is looked at for what hides it.
     fn cells_with(&self, scene: &Scene, bins: u64) -> Vec<u32> {
         let macrocells = &scene.volume.macrocells;
         let masks = macrocells.masks(scene.filter);
@@ -161,10 +164,10 @@ impl FieldOfPhotons {
             // In texels, from the lower edge of the box; cell i spans i - 1/2 .. i + 1/2.
             let range = |axis: usize| {
                 let texels = f64::from(dims[axis]) / scene.grid.dims[axis] as f64;
-                let low = cell[axis] as f64 * MACROCELL_EDGE * texels;
-                let high = low + MACROCELL_EDGE * texels;
+                let low = cell[axis] as f64 * MACROCELL_EDGE * texels - HIDING_TEXELS;
+                let high = low + MACROCELL_EDGE * texels + 2.0 * HIDING_TEXELS;
                 let first = (low + 0.5 - 1e-6).floor().max(0.0) as usize;
-                let last = ((high + 0.5 + 1e-6).floor() as usize).min(across[axis] - 1);
+                let last = ((high + 0.5 + 1e-6).floor().max(0.0) as usize).min(across[axis] - 1);
                 first..=last
             };
             for z in range(2) {

@@ -32,14 +32,13 @@ const RAYS: [u32; 2] = [4, 64];
 /// 65,535 turns on Mesa 22's software device.
 const STEPS: u32 = 16_384;
 const STEPS_SOFTWARE: u32 = 4096;
-/// Where more of a light's photons than this share are stale, its sums are emptied and all are followed
-/// anew: taking a photon out costs about as much as adding one (shaders/photon_map/README.md).
-const BEGIN_AGAIN_SHARE: f64 = 0.5;
 /// Time a dispatch aims at.
 const DISPATCH_AIM: Duration = Duration::from_millis(50);
 /// Names of the words of the counter buffer: two words each, then one.
 const COUNTERS: usize = 4;
 const COUNTER_BYTES: u64 = 8 * COUNTERS as u64 + 4;
+/// Word of the counter buffer at which the first of two lists of photons begins.
+const LISTS: u32 = 16;
 const WORKGROUP: u32 = 64;
 
 /// What all lights work with, one chunk at a time.
@@ -52,6 +51,9 @@ pub(super) struct InFlight {
     rays: u32,
     /// Whose photons are on it: the light's key and the first photon.
     owner: Option<(u32, u32)>,
+    /// Of these photons those that are not finished, and which of the two lists says which.
+    listed: u32,
+    list: u32,
 }
 
 impl InFlight {
@@ -64,10 +66,12 @@ impl InFlight {
             paths: gpu.buffer("photons at work", Self::path_bytes(chunk), storage)?,
             uniform: gpu.buffer("photons", std::mem::size_of::<Photons>() as u64, uniform)?,
             frame: gpu.buffer("frame", std::mem::size_of::<uniforms::FrameUniform>() as u64, uniform)?,
-            counters: gpu.buffer("counters", COUNTER_BYTES, storage)?,
+            counters: gpu.buffer("counters", Self::counter_bytes(chunk), storage)?,
             chunk,
             rays: RAYS[0],
             owner: None,
+            listed: 0,
+            list: 0,
         })
     }
 
@@ -75,8 +79,18 @@ impl InFlight {
         u64::from(chunk) * std::mem::size_of::<uniforms::Path>() as u64
     }
 
+    /// With the two lists behind the counters.
+    fn counter_bytes(chunk: u32) -> u64 {
+        4 * (u64::from(LISTS) + 2 * u64::from(chunk))
+    }
+
     pub fn bytes(&self) -> u64 {
-        Self::path_bytes(self.chunk)
+        Self::path_bytes(self.chunk) + Self::counter_bytes(self.chunk)
+    }
+
+    /// Where in the counter buffer a list begins.
+    fn word_of(&self, list: u32) -> u32 {
+        LISTS + list * self.chunk
     }
 }
 
@@ -330,7 +344,7 @@ impl Chunk {
             Begin { nothing_there: true, .. } => 2,
             Begin { query, .. } => u32::from(query.everything),
         });
-        let uniform = Photons {
+        let mut uniform = Photons {
             first: self.first,
             count: self.count,
             key,
@@ -347,6 +361,10 @@ impl Chunk {
             reference: reference(light, sphere_radius(scene)) as f32,
             seed: 0,
             clip_shadows: u32::from(scene.clip.shadows),
+            listed: in_flight.listed,
+            list: in_flight.word_of(in_flight.list),
+            next_list: in_flight.word_of(1 - in_flight.list),
+            pad0: 0,
         };
         gpu.queue.write_buffer(&in_flight.uniform, 0, bytemuck::bytes_of(&uniform));
         let frame = crate::frame::scene_uniform(scene, inputs.texture);
@@ -403,16 +421,24 @@ impl Chunk {
             let stale = gpu.read_buffer(&in_flight.counters, 4)?;
             let stale: u32 = bytemuck::pod_read_unaligned(&stale);
             let may_begin_again = begin.as_ref().is_some_and(|begin| begin.may_begin_again);
-            if may_begin_again && f64::from(stale) > BEGIN_AGAIN_SHARE * f64::from(self.count) {
+            if may_begin_again
+                && f64::from(stale) > pipelines.trial().begin_again_share * f64::from(self.count)
+            {
                 return Ok(Left::Everything);
             }
             work.recomputed += u64::from(stale);
+            in_flight.listed = stale;
+            if stale == 0 {
+                return Ok(self.finish(inputs.snapshot, in_flight));
+            }
+            uniform.listed = stale;
+            gpu.queue.write_buffer(&in_flight.uniform, 0, bytemuck::bytes_of(&uniform));
             gpu.queue.write_buffer(&in_flight.counters, 0, &[0; COUNTER_BYTES as usize]);
         }
         self.is_at_work = true;
         let began = Instant::now();
         let pipeline = pipelines.trace(PhotonVariant::of(scene, layout.bands));
-        gpu.dispatch(&pipeline, &bind_group, [self.count.div_ceil(WORKGROUP), 1]);
+        gpu.dispatch(&pipeline, &bind_group, [in_flight.listed.div_ceil(WORKGROUP), 1]);
         let bytes = gpu.read_buffer(&in_flight.counters, COUNTER_BYTES)?;
         let took = began.elapsed();
         if took < DISPATCH_AIM / 2 {
@@ -427,13 +453,20 @@ impl Chunk {
         work.cells += count(1);
         work.interactions += count(2);
         work.cut_1024ths += count(3);
-        if words[2 * COUNTERS] == 0 {
-            self.is_at_work = false;
-            self.bases = vec![inputs.snapshot.clone()];
-            in_flight.owner = None;
-            return Ok(Left::Others);
+        in_flight.listed = words[2 * COUNTERS];
+        in_flight.list = 1 - in_flight.list;
+        if in_flight.listed == 0 {
+            return Ok(self.finish(inputs.snapshot, in_flight));
         }
         Ok(Left::SamePhotons)
+    }
+
+    /// All of its photons are the snapshot's.
+    fn finish(&mut self, snapshot: &Arc<Snapshot>, in_flight: &mut InFlight) -> Left {
+        self.is_at_work = false;
+        self.bases = vec![snapshot.clone()];
+        in_flight.owner = None;
+        Left::Others
     }
 }
 

@@ -1,6 +1,9 @@
 //! Method `photon_map`: photons with historygrams, and the light field they make
 //! (shaders/photon_map/README.md).
 
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod energy;
 mod field;
 mod lights;
 mod pipelines;
@@ -25,6 +28,7 @@ use crate::tables;
 use field::FieldOfPhotons;
 use lights::{InFlight, Left, LightPhotons};
 pub(crate) use pipelines::PhotonPipelines;
+pub use pipelines::PhotonTrial;
 
 /// GPU memory of a map. The software device's is the server's own.
 const MAX_BYTES: u64 = 16 << 30;
@@ -233,6 +237,13 @@ impl PhotonMap {
     #[cfg(test)]
     pub fn direct(&self) -> &DirectLight {
         &self.direct
+    }
+}
+
+impl crate::Renderer {
+    /// Makes photon maps this way from now on, to compare what that costs.
+    pub fn try_photons(&self, trial: PhotonTrial) {
+        self.photon_pipelines.set_trial(trial);
     }
 }
 

@@ -1,7 +1,7 @@
 //! Pipelines of method `photon_map`.
 
 use std::borrow::Cow;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use proto::scene_file::Filter;
 use scene::light::LightGeometry;
@@ -40,6 +40,25 @@ impl PhotonVariant {
     }
 }
 
+/// Where more of a light's photons than this share are stale, its sums are emptied and all are followed
+/// anew. Measured: following takes as long at 0.41, and 1.1 times as long at 0.48 (docs/benchmarks/README.md).
+const BEGIN_AGAIN_SHARE: f64 = 0.4;
+
+/// How maps are made: other than usual only to compare what that costs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PhotonTrial {
+    /// Whether histories are kept. Without them edits are not followed: for empty views only.
+    pub masks: bool,
+    /// Of a light's photons the share, 0 to 1, above which it begins again; 1: it never does.
+    pub begin_again_share: f64,
+}
+
+impl Default for PhotonTrial {
+    fn default() -> Self {
+        Self { masks: true, begin_again_share: BEGIN_AGAIN_SHARE }
+    }
+}
+
 /// Compiled when first needed.
 pub struct PhotonPipelines {
     gpu: Arc<Gpu>,
@@ -47,7 +66,8 @@ pub struct PhotonPipelines {
     take_up: Module,
     mass: Module,
     fill: Module,
-    traces: Variants<PhotonVariant>,
+    trial: Mutex<PhotonTrial>,
+    traces: Variants<(PhotonVariant, bool)>,
     takes_up: Variants<bool>,
     masses: Variants<bool>,
     fills: Variants<u32>,
@@ -165,6 +185,7 @@ impl PhotonPipelines {
             take_up: Module::new(&gpu, "take_up", take_up_source, &take_up),
             mass: Module::new(&gpu, "add_up_mass", shaders::ADD_UP_MASS.into(), &mass),
             fill: Module::new(&gpu, "fill_field", shaders::FILL_FIELD.into(), &fill),
+            trial: Mutex::default(),
             traces: Variants::default(),
             takes_up: Variants::default(),
             masses: Variants::default(),
@@ -174,9 +195,22 @@ impl PhotonPipelines {
         }
     }
 
+    /// How maps are made.
+    pub fn trial(&self) -> PhotonTrial {
+        *self.trial.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// From now on maps are made this way.
+    pub fn set_trial(&self, trial: PhotonTrial) {
+        *self.trial.lock().unwrap_or_else(PoisonError::into_inner) = trial;
+    }
+
     /// `trace_photons`; any thread may ask.
     pub fn trace(&self, variant: PhotonVariant) -> wgpu::ComputePipeline {
-        self.traces.get(variant, || self.trace.compile(&self.gpu, &variant.constants()))
+        let masks = self.trial().masks;
+        let mut constants = variant.constants();
+        constants.push(("MASKS", f64::from(u8::from(masks))));
+        self.traces.get((variant, masks), || self.trace.compile(&self.gpu, &constants))
     }
 
     /// `take_up`, for a light of this kind.

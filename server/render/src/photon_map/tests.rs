@@ -8,7 +8,7 @@ use scene::plan::Target;
 use scene::{PreparedVolume, Scene, Snapshot};
 use serde_json::{Value, json};
 
-use super::PhotonPipelines;
+use super::{PhotonPipelines, PhotonTrial};
 use crate::shaders;
 use crate::test_support::{balls, renderer};
 use crate::{DrawRequest, Drawn, Renderer, View};
@@ -30,14 +30,14 @@ fn file(patches: &[Value]) -> Value {
     file
 }
 
-fn snapshot(volume: &Arc<PreparedVolume>, patches: &[Value], epoch: u32) -> Arc<Snapshot> {
+pub(super) fn snapshot(volume: &Arc<PreparedVolume>, patches: &[Value], epoch: u32) -> Arc<Snapshot> {
     let file = proto::SceneFile::from_value(file(patches)).unwrap();
     Arc::new(Snapshot { epoch, scene: Scene::new(&file, volume.clone()).unwrap() })
 }
 
 const TARGET: Target = Target { width: 32, height: 32, samples_per_pixel: 1 };
 
-fn draw(renderer: &mut Renderer, view: &mut View, snapshot: &Arc<Snapshot>) -> Drawn {
+pub(super) fn draw(renderer: &mut Renderer, view: &mut View, snapshot: &Arc<Snapshot>) -> Drawn {
     let drawn = renderer.draw(view, &DrawRequest { snapshot, target: TARGET, budget: None }).unwrap();
     assert!(drawn.complete && drawn.illumination == 1.0);
     drawn
@@ -153,6 +153,32 @@ fn all_matter_is_as_bright_as_followed_from_the_eye() {
     }
 }
 
+/// So does matter that is opaque within a texel, whatever part of it it fills: a wall of a fifth of a texel,
+/// and balls of many. Without that only its skin counts they are off by more than is allowed.
+#[test]
+fn opaque_matter_is_as_bright_as_followed_from_the_eye() {
+    let mut renderer = renderer();
+    let opaque = json!({"points": [
+        {"s": 0.1, "extinction": 0, "albedo": [0.7, 0.7, 0.7]},
+        {"s": 0.3, "extinction": 400, "albedo": [0.7, 0.7, 0.7]}]});
+    let sky = json!({"transfer_function": opaque, "background": [0, 0, 0],
+        "lights": [{"id": "sky", "type": "environment", "radiance": [1, 1, 1]}]});
+    for (name, volume) in [("wall", wall(40)), ("balls", balls(24))] {
+        let traced = json!({"illumination": {"method": "path_traced", "paths_per_pixel": 64}});
+        let photons = json!({"illumination": {"photons": 16384, "photon_grid": 8}});
+        let found = mean(&mut renderer, &volume, &[sky.clone(), photons]);
+        let expected = mean(&mut renderer, &volume, &[sky.clone(), traced]);
+        eprintln!("{name}: {found:.5} {expected:.5} {:+.3}", found / expected - 1.0);
+        assert!((found / expected - 1.0).abs() < 0.15, "{name}: {found} for {expected}");
+    }
+}
+
+/// A wall across the volume, one voxel thick, and turned to the camera.
+fn wall(edge: usize) -> Arc<PreparedVolume> {
+    let voxels = (0..edge.pow(3)).map(|i| if i / (edge * edge) == edge / 2 { 255 } else { 0 }).collect();
+    Arc::new(PreparedVolume::new(scene::Volume::new([edge; 3], scene::Voxels::U8(voxels)), &|_| {}))
+}
+
 fn edits() -> Vec<(&'static str, Value)> {
     let points = |scale: f64, red: f64| {
         json!({"transfer_function": {"points": [
@@ -204,9 +230,18 @@ fn edits() -> Vec<(&'static str, Value)> {
     ]
 }
 
+/// Lights with more stale photons than this begin again.
+fn begin_again_above(renderer: &Renderer, begin_again_share: f64) {
+    renderer.try_photons(PhotonTrial { begin_again_share, ..PhotonTrial::default() });
+}
+
+/// Never beginning again: whatever can be followed is.
+const NEVER: f64 = 1.0;
+
 /// Edits one after the other; an error names the first after which photons, sums or picture are not
 /// those of a map made from scratch.
-fn follow(renderer: &mut Renderer, edits: &[(&str, Value)]) -> Result<(), String> {
+fn follow(renderer: &mut Renderer, edits: &[(&str, Value)], begin_again_share: f64) -> Result<(), String> {
+    begin_again_above(renderer, begin_again_share);
     let volume = balls(24);
     let mut patches = vec![];
     let mut view = View::new();
@@ -218,14 +253,21 @@ fn follow(renderer: &mut Renderer, edits: &[(&str, Value)]) -> Result<(), String
         let count = |what: &str| drawn.counters.get(what).copied().unwrap_or(0);
         let (anew, kept) = (count("photons_recomputed"), count("photons_reused"));
         eprintln!("{name}: {anew} photons anew, {kept} kept, {} bricks", count("bricks_recomputed"));
-        equal(renderer, &view, &snapshot).map_err(|what| format!("{name}: {what}"))?;
+        let same = equal(renderer, &view, &snapshot).map_err(|what| format!("{name}: {what}"));
+        if same.is_err() {
+            renderer.try_photons(PhotonTrial::default());
+            return same;
+        }
     }
+    renderer.try_photons(PhotonTrial::default());
     Ok(())
 }
 
 #[test]
 fn edits_leave_what_a_new_map_would_be() {
-    follow(&mut renderer(), &edits()).unwrap();
+    for begin_again_share in [NEVER, PhotonTrial::default().begin_again_share] {
+        follow(&mut renderer(), &edits(), begin_again_share).unwrap();
+    }
 }
 
 /// Without any one of its remedies the map is wrong after some edit, and the comparison finds it.
@@ -266,46 +308,11 @@ fn every_remedy_is_needed() {
         let mut renderer = renderer();
         let whole = renderer.photon_pipelines.clone();
         renderer.photon_pipelines = Arc::new(PhotonPipelines::of_sources(gpu.clone(), trace, take_up));
-        let found = follow(&mut renderer, &edits());
+        let found = follow(&mut renderer, &edits(), NEVER);
         renderer.photon_pipelines = whole;
         eprintln!("without {what}: {found:?}");
         assert!(found.is_err(), "without {what} nothing is wrong");
     }
-}
-
-/// Where all light that meets matter is scattered, each photon carries what it began with from its first
-/// interaction to its last, in every channel; and what the cut takes away is what those carry that
-/// would have gone on.
-#[test]
-fn scattering_neither_loses_nor_gains_light() {
-    const SLOTS: usize = 8;
-    let mut renderer = renderer();
-    let volume = balls(24);
-    let white = json!({"materials": {"m": {"phase": {"type": "henyey_greenstein", "g": 0.5}}},
-        "transfer_function": {"points": [
-            {"s": 0.1, "extinction": 0, "albedo": [1, 1, 1], "material": "m"},
-            {"s": 0.4, "extinction": 30, "albedo": [1, 1, 1], "material": "m"}]}});
-    let snapshot = snapshot(&volume, &[white], 1);
-    let mut view = View::new();
-    let drawn = draw(&mut renderer, &mut view, &snapshot);
-    let buffers = view.light.lock().photon_map().unwrap().contents(renderer.gpu()).unwrap();
-    let [_, ends, _, ways, histories] = &buffers["sun"][..] else { panic!("one chunk") };
-    let word = |bytes: &[u8], index: usize| f32::from_le_bytes(bytes[4 * index..][..4].try_into().unwrap());
-    let (mut met, mut full, mut began) = (0_u64, 0.0, None);
-    for photon in 0..ends.len() / 32 {
-        let count = word(ends, 8 * photon + 4).to_bits() as usize;
-        for slot in photon * SLOTS..photon * SLOTS + count {
-            let carried =
-                [word(ways, 4 * slot + 3), word(histories, 8 * slot + 4), word(histories, 8 * slot + 5)];
-            let expected = *began.get_or_insert(carried[0]);
-            assert!(carried.iter().all(|c| (c / expected - 1.0).abs() < 1e-4), "{carried:?} of {expected}");
-            met += 1;
-        }
-        full += if count == SLOTS { f64::from(began.unwrap()) } else { 0.0 };
-    }
-    assert_eq!(drawn.counters["photon_interactions"], met);
-    let cut = drawn.counters["throughput_cut_1024ths"] as f64 / 1024.0;
-    assert!(full > 100.0 && (cut / full - 1.0).abs() < 1e-3, "{cut} for {full}");
 }
 
 /// Where most photons are stale, all are followed anew; where fewer are, the others are kept.
@@ -317,9 +324,11 @@ fn an_edit_of_most_photons_begins_again() {
     draw(&mut renderer, &mut view, &snapshot(&volume, &[], 1));
     let edits = edits();
     let (most, some) = (edits[0].1.clone(), edits[1].1.clone());
+    begin_again_above(&renderer, 0.5);
     let drawn = draw(&mut renderer, &mut view, &snapshot(&volume, std::slice::from_ref(&most), 2));
     assert_eq!((drawn.counters["lights_begun_again"], drawn.counters["photons_reused"]), (1, 0));
     let drawn = draw(&mut renderer, &mut view, &snapshot(&volume, &[most, some], 3));
+    renderer.try_photons(PhotonTrial::default());
     let reused = drawn.counters["photons_reused"];
     assert!(drawn.counters["lights_begun_again"] == 0 && reused > 2048 && reused < 4096, "{reused}");
 }
@@ -333,7 +342,7 @@ fn direct_light_is_looked_up_anew_where_matter_changed() {
     let broken = shaders::MARCH_DIRECT.replacen(test, "", 1);
     let passes = crate::direct_light::Passes::of_source(renderer.gpu().clone(), broken.into());
     let whole = std::mem::replace(&mut renderer.direct_light, Arc::new(passes));
-    let found = follow(&mut renderer, &edits());
+    let found = follow(&mut renderer, &edits(), NEVER);
     renderer.direct_light = whole;
     assert!(found.as_ref().is_err_and(|what| what.contains("direct light")), "{found:?}");
 }
@@ -402,7 +411,9 @@ fn an_edit_redoes_as_many_photons_as_were_told_to_rely_on_its_bins() {
         let changed = scene::Changes::between(&old.scene, &new.scene).bins
             & old.scene.volume.macrocells.occurring(old.scene.filter);
         let stale = masks.iter().filter(|&mask| mask & changed != 0).count();
+        begin_again_above(&renderer, NEVER);
         let redone = draw(&mut renderer, &mut view, &new).counters["photons_recomputed"];
+        renderer.try_photons(PhotonTrial::default());
         assert_eq!(redone, stale as u64, "s = {s}");
         assert!(stale > 0 && stale < masks.len(), "the edit is of a part: {stale}");
         // No bin alone costs more than all of them together, nor do they more than their sum.
