@@ -40,6 +40,7 @@ mod warm_up;
 pub use error::RenderError;
 pub use gpu::{AdapterPolicy, Gpu};
 pub use illumination::Light;
+pub use precomputed_transfer::{BakeStore, DEFAULT_BAKE_BYTES};
 pub use renderer::{
     DrawRequest, Drawn, METHODS_BUILT, PathEstimate, Picture, Preparer, Radiance, Renderer, check,
 };

@@ -35,13 +35,13 @@ fn images(bright: usize) -> EnvironmentImages {
     [("sky".to_owned(), Arc::new(EnvironmentImage::new(16, 8, &rgb).unwrap()))].into()
 }
 
-fn snapshot(volume: &Arc<PreparedVolume>, patches: &[Value], bright: usize, epoch: u32) -> Arc<Snapshot> {
+pub fn snapshot(volume: &Arc<PreparedVolume>, patches: &[Value], bright: usize, epoch: u32) -> Arc<Snapshot> {
     let file = proto::SceneFile::from_value(file(patches)).unwrap();
     let scene = Scene::with_images(&file, volume.clone(), &images(bright)).unwrap();
     Arc::new(Snapshot { epoch, scene })
 }
 
-const TARGET: Target = Target { width: 16, height: 16, samples_per_pixel: 4 };
+pub const TARGET: Target = Target { width: 16, height: 16, samples_per_pixel: 4 };
 
 fn draw(view: &mut View, snapshot: &Arc<Snapshot>) -> Drawn {
     let drawn = renderer().draw(view, &DrawRequest { snapshot, target: TARGET, budget: None }).unwrap();
@@ -53,7 +53,7 @@ fn radiance(view: &View) -> Vec<f32> {
     renderer().radiance(view).unwrap().rgb
 }
 
-fn image_of(snapshot: &Arc<Snapshot>) -> Vec<f32> {
+pub fn image_of(snapshot: &Arc<Snapshot>) -> Vec<f32> {
     let mut view = View::new();
     draw(&mut view, snapshot);
     radiance(&view)
