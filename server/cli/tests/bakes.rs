@@ -31,7 +31,11 @@ fn start(data: &Path) -> Server {
     for setting in ["bake_checkpoint_seconds=0", "limits.still_seconds=900"] {
         command.extend(["--setting".into(), setting.into()]);
     }
-    let mut shell = vec!["sh".into(), "-c".into(), format!("TYNDALL_LOG=warn,render=info exec \"$0\" \"$@\" >>{} 2>&1", log.display())];
+    let mut shell = vec![
+        "sh".into(),
+        "-c".into(),
+        format!("TYNDALL_LOG=warn,render=info exec \"$0\" \"$@\" >>{} 2>&1", log.display()),
+    ];
     shell.append(&mut command);
     Server::start(address, &shell).expect("it starts")
 }
@@ -45,7 +49,7 @@ fn still(address: SocketAddr, session: &str) -> std::io::Result<Vec<u8>> {
 }
 
 fn open_session(address: SocketAddr) -> String {
-    let scene = json!({"version": 1, "volume": {"builtin": "smoke_plume", "size": 24},
+    let scene = json!({"version": 1, "volume": {"builtin": "smoke_plume", "dims": [24, 24, 24]},
         "camera": {"position": [0.4, 0.5, 2.4], "target": [0, 0, 0], "up": [0, 1, 0], "fov_y_degrees": 30},
         "transfer_function": {"points": [{"s": 0, "extinction": 0}, {"s": 1, "extinction": 30, "albedo": [0.9, 0.9, 0.9]}]},
         "lights": [{"type": "environment", "radiance": [1, 1, 1]}],
