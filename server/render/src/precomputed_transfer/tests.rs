@@ -156,6 +156,35 @@ fn edits_of_matter_are_new_bakes() {
 }
 
 #[test]
+fn light_before_an_edit_is_shown_until_there_is_some_of_all_of_the_new() {
+    let volume = balls(20);
+    let denser = json!({"density": 2});
+    let (before, after) = (snapshot(&volume, &[], 0, 1), snapshot(&volume, &[denser], 0, 2));
+    let mut view = View::new();
+    assert_eq!(draw(&mut view, &before).illumination_epoch, 1);
+    let mut told = Vec::new();
+    loop {
+        let request =
+            DrawRequest { snapshot: &after, target: TARGET, budget: Some(Duration::from_millis(1)) };
+        let drawn = renderer().draw(&mut view, &request).unwrap();
+        told.push((drawn.illumination_epoch, drawn.illumination));
+        if drawn.illumination_epoch == 1 {
+            assert_eq!(drawn.counters["transfer_rows_lit"], 0, "old light stays as it is");
+        }
+        if drawn.complete {
+            break;
+        }
+    }
+    assert!(told[0].0 == 1 && told[0].1 < 0.5, "{told:?}");
+    assert!(told.is_sorted() && told[told.len() - 1] == (2, 1.0), "{told:?}");
+    assert!(told.iter().any(|&(epoch, share)| epoch == 2 && share < 1.0), "{told:?}");
+    assert_eq!(radiance(&view), image_of(&after));
+    // Without light before there is none of it to show.
+    let request = DrawRequest { snapshot: &after, target: TARGET, budget: Some(Duration::from_millis(1)) };
+    assert_eq!(renderer().draw(&mut View::new(), &request).unwrap().illumination_epoch, 2);
+}
+
+#[test]
 fn slices_and_leaps_change_no_bit() {
     let volume = balls(20);
     let whole = snapshot(&volume, &[], 0, 1);
