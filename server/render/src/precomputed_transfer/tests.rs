@@ -9,6 +9,7 @@ use scene::plan::Target;
 use scene::{EnvironmentImage, EnvironmentImages, PreparedVolume, Scene, Snapshot, Volume, Voxels};
 use serde_json::{Value, json};
 
+use super::buffers::batch_of;
 use crate::test_support::{balls, renderer};
 use crate::{DrawRequest, Drawn, View};
 
@@ -158,7 +159,8 @@ fn edits_of_matter_are_new_bakes() {
 #[test]
 fn light_before_an_edit_is_shown_until_there_is_some_of_all_of_the_new() {
     let volume = balls(20);
-    let denser = json!({"density": 2});
+    let photons = 3 * batch_of(renderer().gpu());
+    let denser = json!({"density": 2, "illumination": {"transfer_photons": photons}});
     let (before, after) = (snapshot(&volume, &[], 0, 1), snapshot(&volume, &[denser], 0, 2));
     let mut view = View::new();
     assert_eq!(draw(&mut view, &before).illumination_epoch, 1);
