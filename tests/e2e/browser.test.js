@@ -16,6 +16,7 @@ import { layoutSteps } from "./steps/layout.js";
 import { lightGridSteps } from "./steps/light-grid.js";
 import { lightSteps } from "./steps/lights.js";
 import { modeSteps } from "./steps/modes.js";
+import { bakeSteps } from "./steps/bakes.js";
 import { photonSteps } from "./steps/photons.js";
 import { planSteps } from "./steps/plan.js";
 import { restartSteps } from "./steps/restart.js";
@@ -45,6 +46,7 @@ describe("the page in a real browser", () => {
   lightSteps();
   lightGridSteps();
   photonSteps();
+  bakeSteps();
   environmentSteps();
   handleSteps();
   touchSteps();

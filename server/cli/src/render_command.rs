@@ -8,7 +8,10 @@ use anyhow::Context;
 use proto::SceneFile;
 use proto::scene_file::limits::{MAX_IMAGE_EDGE, MAX_PATHS_PER_PIXEL};
 use render::fit::DEFAULT_MAX_TEXTURE_BYTES;
-use render::{AdapterPolicy, DrawRequest, Drawn, Gpu, PathEstimate, Renderer, View, still};
+use render::{
+    AdapterPolicy, BakeStore, DEFAULT_BAKE_BYTES, DrawRequest, Drawn, Gpu, PathEstimate, Renderer, View,
+    still,
+};
 use scene::plan::Target;
 use scene::{Integrator, Scene, Snapshot};
 use serde_json::{Value, json};
@@ -53,6 +56,10 @@ pub struct Arguments {
     /// Largest volume on the GPU, bytes; a larger one is drawn at a coarser level, with a notice.
     #[arg(long, value_name = "N", default_value_t = DEFAULT_MAX_TEXTURE_BYTES)]
     max_texture_bytes: u64,
+    /// Directory that keeps what `precomputed_transfer` bakes, made if absent: the next run with the same
+    /// matter takes it from there, and one that was broken off goes on.
+    #[arg(long, value_name = "DIR")]
+    bakes: Option<PathBuf>,
     /// Prints the plan of each picture: every pass, whether it runs, and why not.
     #[arg(long)]
     explain: bool,
@@ -114,6 +121,11 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     // Without edits nothing is kept for them.
     let view = if edits.is_empty() { View::new() } else { View::for_edits() };
     let mut session = Session { renderer: Renderer::new(gpu)?, view, epoch: 0, arguments };
+    if let Some(folder) = &arguments.bakes {
+        let store = BakeStore::open(folder, DEFAULT_BAKE_BYTES)
+            .with_context(|| format!("cannot use {}", folder.display()))?;
+        session.renderer.keep_bakes(Some(Arc::new(store)));
+    }
     let volumes = session.renderer.volumes().clone();
     // Nobody shares the device.
     volumes.set_budget_bytes(u64::MAX);

@@ -19,6 +19,9 @@ pub struct Arguments {
     /// Memory for the voxels of all sessions, for example 12G; `limits.max_volume_memory_bytes`.
     #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
     memory: Option<u64>,
+    /// Disk for precomputed light, for example 20G; 0 stores none; `limits.max_bake_bytes`.
+    #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
+    bake_storage: Option<u64>,
     /// Settings file (TOML).
     #[arg(long, value_name = "FILE", env = "TYNDALL_CONFIG")]
     config: Option<PathBuf>,
@@ -53,11 +56,12 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     if let Some(data) = &arguments.data {
         flags.push(("data".into(), data.display().to_string()));
     }
-    let memory = [
+    let sizes = [
         ("limits.max_gpu_bytes", arguments.gpu_memory),
         ("limits.max_volume_memory_bytes", arguments.memory),
+        ("limits.max_bake_bytes", arguments.bake_storage),
     ];
-    flags.extend(memory.into_iter().filter_map(|(path, bytes)| Some((path.to_owned(), bytes?.to_string()))));
+    flags.extend(sizes.into_iter().filter_map(|(path, bytes)| Some((path.to_owned(), bytes?.to_string()))));
     if arguments.hardware_only {
         flags.push(("hardware_only".into(), "true".into()));
     }

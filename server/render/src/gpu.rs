@@ -292,6 +292,17 @@ impl Gpu {
 
     /// Copies a buffer to the host. Waits for everything submitted before.
     pub(crate) fn read_buffer(&self, source: &wgpu::Buffer, bytes: u64) -> Result<Vec<u8>, RenderError> {
+        self.read_part(source, 0, bytes)
+    }
+
+    /// Copies a part of a buffer to the host: `bytes` from `from` on, multiples of 4. Waits for everything
+    /// submitted before.
+    pub(crate) fn read_part(
+        &self,
+        source: &wgpu::Buffer,
+        from: u64,
+        bytes: u64,
+    ) -> Result<Vec<u8>, RenderError> {
         let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ;
         let mut turn = self.clock.as_ref().map(DeviceClock::turn);
         let times_bytes = turn.as_ref().map_or(0, Turn::pending_bytes);
@@ -299,7 +310,7 @@ impl Gpu {
         let whole = times_at + times_bytes;
         let staging = self.buffer("read back", whole, usage)?;
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        encoder.copy_buffer_to_buffer(source, 0, &staging, 0, bytes);
+        encoder.copy_buffer_to_buffer(source, from, &staging, 0, bytes);
         if let Some(turn) = &mut turn {
             turn.copy(&mut encoder, &staging, times_at);
         }

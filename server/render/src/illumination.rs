@@ -17,7 +17,7 @@ use crate::gpu::Gpu;
 use crate::image_based::{self, ImageBased};
 use crate::light_field::LightField;
 use crate::photon_map::{PhotonMap, PhotonPipelines};
-use crate::precomputed_transfer::{self, PrecomputedTransfer};
+use crate::precomputed_transfer::{self, BakeStore, PrecomputedTransfer};
 use crate::stale_shares;
 use crate::view::{EnvironmentTables, LightTables, TransferFunctionTables};
 use crate::volume_texture::VolumeTexture;
@@ -68,6 +68,8 @@ pub(crate) struct Inputs<'a> {
     pub direct_light: &'a Arc<direct_light::Passes>,
     pub convection_diffusion: &'a convection_diffusion::Pipelines,
     pub transfer_pipelines: &'a precomputed_transfer::Pipelines,
+    /// Where bakes are kept; `None`: nowhere.
+    pub bakes: Option<&'a Arc<BakeStore>>,
 }
 
 /// How far a method has got.
@@ -99,6 +101,8 @@ pub(crate) struct Illumination {
     /// The snapshot it is, or is becoming, the light of.
     snapshot: Option<Arc<Snapshot>>,
     progress: Option<Progress>,
+    /// Epoch of the snapshot whose matter and lights the field shows.
+    lit_epoch: u32,
     /// Counts the states of the field.
     version: u64,
     /// What edits would make stale, and of which version.
@@ -129,6 +133,9 @@ impl Illumination {
         }
         let progress = advanced?;
         self.progress = Some(progress);
+        if self.lit.as_ref().is_some_and(|(_, lit)| !lit.shows_old_light()) {
+            self.lit_epoch = inputs.snapshot.epoch;
+        }
         if progress.changed {
             self.version += 1;
         }
@@ -156,6 +163,12 @@ impl Illumination {
     /// Share of the light that is the newest snapshot's, 0..1.
     pub fn completeness(&self) -> f32 {
         self.progress.map_or(0.0, |progress| progress.completeness)
+    }
+
+    /// Epoch of the snapshot whose light there is, before it is complete: an older one's as long as that
+    /// is better than what there is of the newest.
+    pub fn lit_epoch(&self) -> u32 {
+        self.lit_epoch
     }
 
     pub fn version(&self) -> u64 {
@@ -249,6 +262,11 @@ impl Lit {
             #[cfg(test)]
             Lit::Given(field) => Some(field),
         }
+    }
+
+    /// Whether the field is of matter as it was before an edit.
+    fn shows_old_light(&self) -> bool {
+        matches!(self, Lit::PrecomputedTransfer(light) if light.shows_old_light())
     }
 
     fn bytes(&self) -> u64 {

@@ -41,6 +41,7 @@ pub use error::RenderError;
 pub use gpu::{AdapterPolicy, Gpu};
 pub use illumination::Light;
 pub use photon_map::PhotonTrial;
+pub use precomputed_transfer::{BakeStore, DEFAULT_BAKE_BYTES};
 pub use renderer::{
     DrawRequest, Drawn, METHODS_BUILT, PathEstimate, Picture, Preparer, Radiance, Renderer, check,
 };

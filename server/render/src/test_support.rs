@@ -1,5 +1,7 @@
 //! What tests of several modules draw with.
 
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use scene::{PreparedVolume, Volume, Voxels};
@@ -27,4 +29,27 @@ pub fn balls(edge: usize) -> Arc<PreparedVolume> {
         }
     }
     Arc::new(PreparedVolume::new(Volume::new([edge; 3], Voxels::U8(voxels)), &|_| {}))
+}
+
+/// A folder of a test's own, removed with what is in it.
+pub struct Folder(PathBuf);
+
+impl Folder {
+    pub fn new() -> Self {
+        static COUNT: AtomicUsize = AtomicUsize::new(0);
+        let count = COUNT.fetch_add(1, Ordering::Relaxed);
+        let path = std::env::temp_dir().join(format!("tyndall-{}-{count}", std::process::id()));
+        std::fs::create_dir(&path).unwrap();
+        Self(path)
+    }
+
+    pub fn path(&self) -> &Path {
+        &self.0
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
 }

@@ -1,6 +1,7 @@
 //! What all requests share, and the router over it.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
@@ -8,7 +9,7 @@ use axum::middleware::{from_fn, from_fn_with_state};
 use axum::routing::get;
 use proto::rest::Dataset;
 use render::fit::{Fitted, fit};
-use render::{Gpu, RenderError};
+use render::{BakeStore, Gpu, RenderError};
 use scene::PreparedVolume;
 use scene::part::{Part, Wish};
 use tokio::sync::Semaphore;
@@ -72,7 +73,16 @@ impl App {
         let environments = Environments::open(config.data.join("environments"), limits).map_err(unusable)?;
         let sessions = Sessions::open(&config).map_err(unusable)?;
         let exports = Exports::open(&config).map_err(unusable)?;
-        let renderer = RenderThread::start(gpu, limits.max_waiting_stills, limits.max_gpu_bytes)?;
+        let bakes = match limits.max_bake_bytes {
+            0 => None,
+            most => {
+                let interval = Duration::from_secs(config.bake_checkpoint_seconds);
+                let folder = config.data.join("bakes");
+                let bakes = BakeStore::with_checkpoints(&folder, most, interval).map_err(unusable)?;
+                Some(Arc::new(bakes))
+            }
+        };
+        let renderer = RenderThread::start(gpu, limits.max_waiting_stills, limits.max_gpu_bytes, bakes)?;
         let processors = std::thread::available_parallelism().map_or(1, usize::from);
         Ok(Arc::new(Self {
             renderer,

@@ -43,6 +43,9 @@ pub struct Config {
     pub export_keep_seconds: u64,
     /// Longest wait for viewers and requests when the service stops, seconds.
     pub shutdown_seconds: u64,
+    /// Precomputed light under way is written to disk about this often, seconds; after a crash it goes on
+    /// from there.
+    pub bake_checkpoint_seconds: u64,
     /// What one service instance takes on.
     pub limits: Limits,
 }
@@ -72,6 +75,9 @@ pub struct Limits {
     pub max_environment_bytes: usize,
     /// Most bytes of all stored datasets; beyond it uploads get 507.
     pub max_storage_bytes: u64,
+    /// Most bytes of all stored precomputed light; what was not used for longest is removed. 0: none is
+    /// stored.
+    pub max_bake_bytes: u64,
     /// Largest volume in memory, bytes of its voxels.
     pub max_voxel_bytes: u64,
     /// Largest computed volume, voxels; computing one takes the processors for seconds.
@@ -122,6 +128,7 @@ impl Default for Config {
             upload_idle_seconds: 24 * 60 * 60,
             export_keep_seconds: 60 * 60,
             shutdown_seconds: 5,
+            bake_checkpoint_seconds: 10,
             limits: Limits::default(),
         }
     }
@@ -140,6 +147,7 @@ impl Default for Limits {
             max_environments: 200,
             max_environment_bytes: 256 << 20,
             max_storage_bytes: 64 << 30,
+            max_bake_bytes: render::DEFAULT_BAKE_BYTES,
             max_voxel_bytes: 4 << 30,
             max_builtin_voxels: 1 << 27,
             max_volume_memory_bytes: 8 << 30,

@@ -5,6 +5,8 @@ import { ColorField, NumberField, Row, Section, SliderField } from "../app/contr
 import type { Illumination, Light, Sampling, ToneMapping } from "../generated/proto";
 import { session } from "../session/engine";
 import { useSession } from "../session/store";
+import { BakeFields } from "./BakeFields";
+import { hasBake } from "./bakes";
 import { hasLightGrid } from "./lightGrid";
 import { LightGridFields } from "./LightGridFields";
 import { canBeRefined, hasPhotons, isTraced, whyNotMixed, withoutEffect } from "./methods";
@@ -44,6 +46,7 @@ export function QualityPanel() {
   const lights = useSession((state) => state.scene?.lights);
   const onGrid = useSession((state) => state.scene !== null && hasLightGrid(state.scene));
   const photons = useSession((state) => state.scene !== null && hasPhotons(state.scene));
+  const baked = useSession((state) => state.scene !== null && hasBake(state.scene));
   const mode = useSession((state) => state.scene?.rendering.mode);
   const traced = useSession((state) => state.scene !== null && isTraced(state.scene));
   const refinable = useSession((state) => state.scene !== null && canBeRefined(state.scene));
@@ -55,6 +58,7 @@ export function QualityPanel() {
       {traced ? <TracingFields illumination={illumination} lights={lights} /> : <RayFields sampling={sampling} />}
       {photons && <PhotonFields illumination={illumination} />}
       {onGrid && <LightGridFields illumination={illumination} scatteredOnce={orders === 1} />}
+      {baked && <BakeFields illumination={illumination} />}
       {keptInRecords && <RecordFields illumination={illumination} />}
       {refinable && <RefinementFields illumination={illumination} />}
       <Row label="Empty space" hint="Skips regions without matter; never changes the picture">

@@ -18,6 +18,7 @@ import { EditLog } from "./edits";
 import { FrameReceiver } from "./frames";
 import { Inputs, type ViewportSize } from "./inputs";
 import { EditMeter } from "./editWork";
+import { LightMeter } from "./lightMeter";
 import { Meters } from "./meters";
 import { rememberSession } from "./ownSessions";
 import { decodeScene, parseAddress, sessionAddress } from "./shareLink";
@@ -55,6 +56,7 @@ class Engine {
   private readonly volume = new VolumeFacts();
   private readonly meters = new Meters();
   private readonly editMeter = new EditMeter();
+  private readonly lightMeter = new LightMeter();
   private receiver: FrameReceiver<ImageBitmap> | null = null;
   /** The server has greeted this connection: inputs may be sent. */
   private welcomed = false;
@@ -294,6 +296,7 @@ class Engine {
     this.welcomed = false;
     this.meters.disconnected();
     this.editMeter.forget();
+    this.lightMeter.forget();
   }
 
   /** The session is gone: opens one like it from the scene on screen. */
@@ -423,8 +426,9 @@ class Engine {
     this.screen?.show(picture, header);
     this.meters.frameShown(header.seq, performance.now());
     this.editMeter.shown(header, performance.now());
+    this.lightMeter.shown(header, performance.now());
     this.cameras?.shown(header.seq);
-    set({ frame: header, awaitingPicture: false, progress: null, editWork: this.editMeter.read() });
+    set({ frame: header, awaitingPicture: false, progress: null, editWork: this.editMeter.read(), lightMillis: this.lightMeter.read() });
   }
 
   private numbered(seq: number): void {

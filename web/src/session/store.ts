@@ -65,6 +65,8 @@ export interface SessionState {
   staleShares: StaleShares | null;
   /** What became of this page's newest edit. */
   editWork: EditWork | null;
+  /** Time until all of the light is there, milliseconds; null where it is, or cannot be told. */
+  lightMillis: number | null;
   /** A long step under way on the server. */
   progress: { activity: string; fraction: number } | null;
   /** No input has been sent for a moment. */
@@ -100,6 +102,7 @@ export const useSession = create<SessionState>(() => ({
   pictureReport: null,
   staleShares: null,
   editWork: null,
+  lightMillis: null,
   progress: null,
   atRest: true,
   notice: null,

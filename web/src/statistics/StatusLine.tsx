@@ -3,7 +3,7 @@
 import { useUi } from "../app/uiStore";
 import { samplesAtRest } from "../quality/methods";
 import { pictureState, useSession, type PictureState } from "../session/store";
-import { editTimes, keptShare, lightPercent, reusedShare, skippedShare, stateInWords } from "./figures";
+import { editTimes, keptShare, lightInWords, reusedShare, skippedShare, stateInWords } from "./figures";
 
 export function StatusLine() {
   const state = useSession(pictureState);
@@ -12,7 +12,7 @@ export function StatusLine() {
   const skipped = useSession((session) => skippedShare(session.pictureReport));
   const reused = useSession((session) => keptShare(session.editWork) ?? reusedShare(session.pictureReport));
   const edit = useSession((session) => editTimes(session.editWork));
-  const light = lightPercent(frame);
+  const light = lightInWords(frame, useSession((session) => session.lightMillis));
   const software = useSession((session) => session.device?.software ?? session.status?.device.software ?? false);
   const { latencyMillis, framesPerSecond, megabitsPerSecond } = useSession((session) => session.readings);
   const open = useUi((ui) => ui.statisticsOpen);
@@ -23,7 +23,7 @@ export function StatusLine() {
       {software && <span className="status-software" data-testid="status-software" title="No GPU: a software device draws, at reduced resolution while moving">software device</span>}
       {/* Most important first: what has no room goes to a second row, which is not seen. */}
       <span className="status-figures">
-        {light !== null && <Figure label="light" hint="Share of the light that is that of the scene: the rest follows" value={`${light} %`} width={72} testId="status-light" />}
+        {light !== null && <Figure label="light" hint="Share of the light that is that of the scene: the rest follows" value={light} width={light.includes(",") ? 142 : 72} testId="status-light" />}
         {error !== null && <Figure label="error" hint="Standard error of the picture: it falls as paths are added" value={`${(error * 100).toFixed(1)} %`} width={88} testId="status-error" />}
         <Figure label="input to picture" hint="Time from what you do to the picture that shows it; median of the last inputs" value={latencyMillis === null ? "–" : `${Math.round(latencyMillis)} ms`} width={150} testId="status-latency" />
         {edit !== "–" && <Figure label="edit" hint="Time from the newest edit to its first picture, and to its final one" value={edit} width={128} testId="status-edit" />}

@@ -61,6 +61,23 @@ export function editRows({ firstMillis, litMillis, finalMillis, completeness, ki
 export const lightPercent = (frame: Pick<FrameHeader, "illumination_completeness"> | null): number | null =>
   frame && frame.illumination_completeness < 1 ? Math.floor(frame.illumination_completeness * 100) : null;
 
+/** How much of the light is that of the scene on screen, and how long the rest takes where that is known; null when all of it is there. */
+export function lightInWords(frame: Pick<FrameHeader, "illumination_completeness"> | null, remainingMillis: number | null): string | null {
+  const percent = lightPercent(frame);
+  if (percent === null) return null;
+  return remainingMillis === null ? `${percent} %` : `${percent} %, ${timeLeft(remainingMillis)} left`;
+}
+
+/** A time to wait: whole seconds, or minutes. */
+function timeLeft(millis: number): string {
+  const seconds = Math.max(1, Math.round(millis / 1000));
+  return seconds < 100 ? `${seconds} s` : `${Math.round(seconds / 60)} min`;
+}
+
+/** Whether the light on screen is that of the scene before an edit: the newest one's is on its way. */
+export const showsOldLight = (frame: Pick<FrameHeader, "illumination_completeness" | "illumination_epoch" | "snapshot_epoch"> | null): boolean =>
+  frame !== null && frame.illumination_completeness < 1 && frame.illumination_epoch < frame.snapshot_epoch;
+
 /** What the statistics put first: what the last change was, or why the first picture was drawn. */
 export function headline(change: FrameReport | null, newest: FrameReport | null): string {
   if (change) return `Last change: ${change.changes.join(", ")}`;

@@ -1,7 +1,7 @@
 import { describe, expect, it } from "vitest";
 import type { FrameHeader, FrameReport, Illumination, Light, Method, SceneFile } from "../generated/proto";
 import { canBeRefined, samplesAtRest, shortcoming, whyNotMixed, withoutEffect } from "../quality/methods";
-import { editRows, editTimes, formatCount, headline, keptShare, lightPercent, passesRun, reusedShare, skippedShare, stageTime, stateInWords } from "./figures";
+import { editRows, editTimes, formatCount, headline, keptShare, lightInWords, lightPercent, passesRun, reusedShare, showsOldLight, skippedShare, stageTime, stateInWords } from "./figures";
 
 const illumination = (method: Method): Illumination => ({ method, paths_per_pixel: 256, max_error: 0, longest_path: 100000, light_layers: false, refine: false, light_grid: 0.5, light_bands: 3, transport: "characteristics", explicit_steps: 5, diffusion: "p1", heat_spread: 0.05, max_residual: 0.001, photons: 65536, photon_events: 16, photon_grid: 48, photon_bands: 3, direct_grid: 64, records: 32, record_directions: 48, record_bands: 3, record_form: "product", record_lookup: "trilinear", record_window: false, transfer_lights: 162, transfer_grid: 32, transfer_directions: 192, transfer_photons: 262144, transfer_events: 32, transfer_bands: 3 });
 const frame = { samples_per_pixel: 3, width: 640, height: 360, viewport_width: 640, viewport_height: 360 } as FrameHeader;
@@ -59,6 +59,17 @@ describe("the status line", () => {
     expect(keptShare({ ...work, kinds: [] })).toBeNull();
     expect(editRows(work)).toEqual([["first picture", "48 ms"], ["all of the light", "42 % of it"], ["final picture", "on its way"], ["photons", "1.50 k redone, 4.50 k reused"]]);
     expect([1, 0.999, 0].map((illumination_completeness) => lightPercent({ illumination_completeness }))).toEqual([null, 99, 0]);
+  });
+
+  it("tells how long light takes, and whether what is shown is old", () => {
+    const lit = (illumination_completeness: number, illumination_epoch = 4) => ({ illumination_completeness, illumination_epoch, snapshot_epoch: 4 });
+    expect(lightInWords(null, 100)).toBeNull();
+    expect(lightInWords(lit(1), 100)).toBeNull();
+    expect(lightInWords(lit(0.349), null)).toBe("34 %");
+    expect(lightInWords(lit(0.349), 12_300)).toBe("34 %, 12 s left");
+    expect(lightInWords(lit(0.9), 20)).toBe("90 %, 1 s left");
+    expect(lightInWords(lit(0.1), 200_000)).toBe("10 %, 3 min left");
+    expect([null, lit(1, 3), lit(0.5), lit(0.5, 3)].map(showsOldLight)).toEqual([false, false, false, true]);
   });
 
   it("writes counts short", () => {

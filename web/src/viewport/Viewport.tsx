@@ -11,6 +11,7 @@ import { ClipHandles } from "../quality/ClipHandles";
 import { session } from "../session/engine";
 import { isWatching, pictureState, useSession } from "../session/store";
 import { currentCamera, resetView, startUp, toggleFullScreen, toggleProjection } from "./actions";
+import { BakeMark } from "./BakeMark";
 import { EdgeLetters } from "./EdgeLetters";
 import { attachGestures } from "./gestures";
 import { OrientationCube } from "./OrientationCube";
@@ -68,6 +69,7 @@ export function Viewport() {
       {!watching && <ClipHandles viewport={size} />}
       {!watching && <LightGizmo viewport={size} />}
       <LoadingMark />
+      <BakeMark />
       <EdgeLetters />
       <OrientationCube />
       <Scale viewportHeight={size.height} />

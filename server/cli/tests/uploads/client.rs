@@ -106,8 +106,23 @@ pub fn request(
     headers: &[(&str, &str)],
     body: &[u8],
 ) -> std::io::Result<Reply> {
+    request_within(ANSWER, address, method, path, headers, body)
+}
+
+/// As [`request`], for answers that take longer.
+///
+/// # Errors
+/// As [`request`].
+pub fn request_within(
+    patience: Duration,
+    address: SocketAddr,
+    method: &str,
+    path: &str,
+    headers: &[(&str, &str)],
+    body: &[u8],
+) -> std::io::Result<Reply> {
     let mut socket = TcpStream::connect_timeout(&address, ANSWER)?;
-    socket.set_read_timeout(Some(ANSWER))?;
+    socket.set_read_timeout(Some(patience))?;
     socket.set_write_timeout(Some(ANSWER))?;
     let mut head = format!("{method} {path} HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n");
     for (name, value) in headers {

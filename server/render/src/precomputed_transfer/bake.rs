@@ -2,13 +2,17 @@
 
 use std::time::{Duration, Instant};
 
-use proto::scene_file::{Filter, Orders};
+use proto::scene_file::Orders;
 use scene::{Changes, Scene};
 
 use super::basis::{Basis, LightVector, mean_shown, photon_factor};
 use super::buffers::{COUNTER_BYTES, COUNTERS, Held, batch_of, matrix_bytes};
+use super::keeping::{Keeping, Step};
+use super::key::key;
+use super::layout::{Layout, Share, Work, is_coloured};
 use super::mass::Mass;
 use super::passes::{GROUP, Variant};
+use super::store::Done;
 use crate::error::RenderError;
 use crate::gpu::{buffer_entry, texture_entry};
 use crate::illumination::Inputs;
@@ -43,51 +47,6 @@ const MOST_COUNT: f64 = 1_073_741_824.0;
 /// make a photon heavier.
 const HEAVIEST: f64 = 8.0;
 
-/// What a bake is made for, beside matter: another layout is another bake.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Layout {
-    pub lights: u32,
-    longest: u32,
-    pub nside: usize,
-    photons: u64,
-    events: u32,
-    pub bands: u32,
-    orders: Orders,
-    nearest: bool,
-}
-
-impl Layout {
-    pub fn of(scene: &Scene) -> Self {
-        let settings = &scene.illumination;
-        let events = match scene.orders {
-            Orders::All => settings.transfer_events,
-            Orders::AtMost(count) => count.min(settings.transfer_events),
-        };
-        Self {
-            lights: settings.transfer_lights,
-            longest: settings.transfer_grid,
-            nside: f64::from(settings.transfer_directions / 12).sqrt().round() as usize,
-            // What has been scattered at most once was marched.
-            photons: if events > 1 { u64::from(settings.transfer_photons) } else { 0 },
-            events,
-            bands: light_field::bands_of(scene, settings.transfer_bands),
-            orders: scene.orders,
-            nearest: scene.filter == Filter::Nearest,
-        }
-    }
-}
-
-/// Exact work of a call.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Work {
-    pub rays: u64,
-    pub photons: u64,
-    pub interactions: u64,
-    pub tentative_collisions: u64,
-    pub cells: u64,
-    pub cut_1024ths: u64,
-}
-
 /// The bake of a session, finished or under way.
 pub struct Bake {
     layout: Layout,
@@ -105,14 +64,11 @@ pub struct Bake {
     /// Photons of the batch under way; 0: there is none.
     under_way: u32,
     rays: u32,
+    /// `None`: it is kept nowhere else.
+    keeping: Option<Keeping>,
+    share: Share,
     /// Largest memory so far, bytes.
     pub peak_bytes: u64,
-}
-
-/// Whether albedo differs between red, green and blue.
-fn is_coloured(scene: &Scene) -> bool {
-    let grey = |albedo: glam::DVec3| albedo.x == albedo.y && albedo.y == albedo.z;
-    !scene.transfer_function.points.iter().all(|point| grey(point.albedo))
 }
 
 impl Bake {
@@ -140,6 +96,10 @@ impl Bake {
             true => None,
             false => Some(Held::new(inputs, &layout, &basis, &mass, coloured)?),
         };
+        let keeping = held.as_ref().zip(inputs.bakes).map(|(held, store)| {
+            let key = key(gpu, scene, &layout, &mass, &held.tables);
+            Keeping::new(store, key, &held.matrices())
+        });
         let directions = (12 * layout.nside * layout.nside) as u32;
         let mut bake = Self {
             scene: scene.clone(),
@@ -153,6 +113,8 @@ impl Bake {
             coloured,
             under_way: 0,
             rays: RAYS[0],
+            keeping,
+            share: Share::default(),
             layout,
             peak_bytes: 0,
         };
@@ -170,16 +132,26 @@ impl Bake {
         !changes.volume && bins == 0 && !changes.clip && !changes.clip_shadows
     }
 
-    pub fn is_complete(&self) -> bool {
+    /// Whether every direction is marched and every photon flown.
+    fn is_complete(&self) -> bool {
         self.directions_done == self.directions && self.photons_done == self.layout.photons
     }
 
-    /// Share of the work that is done, 0..1.
-    pub fn progress(&self) -> f32 {
-        let share = |done: f64, all: f64| if all > 0.0 { done / all } else { 1.0 };
-        let marched = share(f64::from(self.directions_done), f64::from(self.directions));
-        let flown = share(self.photons_done as f64, self.layout.photons as f64);
-        (0.5 * (marched + flown)) as f32
+    /// Whether there is nothing left to do, storing it included.
+    pub fn is_settled(&self) -> bool {
+        self.is_complete() && self.keeping.as_ref().is_none_or(Keeping::is_idle)
+    }
+
+    /// Whether it has something of all light: what follows takes noise away and nothing else.
+    pub fn has_all_light(&self) -> bool {
+        let has_photons = self.photons_done > 0 || self.layout.photons == 0;
+        self.directions_done == self.directions && has_photons
+    }
+
+    /// Share of the work that is done, in time, 0..1.
+    pub fn progress(&mut self) -> f32 {
+        let done = [u64::from(self.directions_done), self.photons_done];
+        self.share.of(done, [u64::from(self.directions), self.layout.photons]) as f32
     }
 
     pub fn rows(&self) -> u64 {
@@ -198,15 +170,56 @@ impl Bake {
 
     /// One slice of work.
     pub fn work(&mut self, inputs: &Inputs<'_>, work: &mut Work) -> Result<(), RenderError> {
-        if self.directions_done < self.directions {
-            self.march(inputs, work)?;
-        } else if self.photons_done < self.layout.photons {
-            self.carry(inputs, work)?;
+        if self.is_with_the_disk(inputs, work)? {
+            return Ok(());
         }
-        if let (true, Some(held)) = (self.is_complete(), &mut self.held) {
-            held.work = None;
+        // A batch of photons first: from then on it is known how long the rest takes.
+        let began = Instant::now();
+        let all_marched = self.directions_done == self.directions;
+        let carries = self.photons_done < self.layout.photons && (self.photons_done == 0 || all_marched);
+        if carries {
+            self.carry(inputs, work)?;
+        } else if !all_marched {
+            self.march(inputs, work)?;
+        }
+        self.share.took(usize::from(carries), began.elapsed());
+        let complete = self.is_complete();
+        let done = Done { photons: self.photons_done, directions: self.directions_done };
+        if let Some(held) = &mut self.held {
+            let matrices = held.matrices();
+            match &mut self.keeping {
+                Some(keeping) if complete || self.under_way == 0 && keeping.is_due() => {
+                    keeping.write(done, &matrices);
+                }
+                _ => {}
+            }
+            if complete {
+                held.work = None;
+            }
         }
         Ok(())
+    }
+
+    /// A slice of reading or writing, if there is something to read or write.
+    fn is_with_the_disk(&mut self, inputs: &Inputs<'_>, work: &mut Work) -> Result<bool, RenderError> {
+        let (Some(keeping), Some(held)) = (&mut self.keeping, &mut self.held) else { return Ok(false) };
+        let step = keeping.step(inputs.gpu, &held.matrices())?;
+        match step {
+            Step::Free | Step::Missed => return Ok(false),
+            Step::Busy => {}
+            Step::Stored => work.stored += 1,
+            Step::Loaded(done) => {
+                work.loaded += 1;
+                let Done { photons, directions } = done;
+                tracing::info!(photons, directions, "a bake goes on from where it was stored");
+                self.photons_done = done.photons.min(self.layout.photons);
+                self.directions_done = done.directions.min(self.directions);
+                if self.is_complete() {
+                    self.held.iter_mut().for_each(|held| held.work = None);
+                }
+            }
+        }
+        Ok(true)
     }
 
     fn settings(&self, scene: &Scene) -> uniforms::Transfer {

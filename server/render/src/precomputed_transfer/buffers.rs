@@ -1,8 +1,9 @@
 //! Matrices and tables of a bake on the GPU.
 
-use super::bake::Layout;
 use super::basis::{Basis, Flights};
 use super::beams::BeamSet;
+use super::keeping::Matrices;
+use super::layout::Layout;
 use super::mass::Mass;
 use crate::error::RenderError;
 use crate::gpu::{Gpu, buffer_entry, texture_entry};
@@ -33,6 +34,8 @@ pub struct Held {
     /// What only the work needs; `None`: it is done.
     pub work: Option<Workshop>,
     pub entries: Vec<[u32; 2]>,
+    /// Hash of the tables: of all directions, of light and of photons, and of their functions.
+    pub tables: [u8; 32],
 }
 
 pub struct Workshop {
@@ -91,7 +94,16 @@ impl Held {
         let Flights { texels, count, stride } = basis.flights();
         let normalised: Vec<f32> = mass.rows.iter().map(|row| row.1 / mass.largest).collect();
         let set = BeamSet::new(&directions.towards, inputs.snapshot.scene.grid.size_world, mass.dims);
+        let mut tables = blake3::Hasher::new();
+        tables.update(&batch.to_le_bytes());
+        tables.update(bytemuck::cast_slice(&directions.integrals));
+        tables.update(bytemuck::cast_slice(&directions.entries));
+        tables.update(bytemuck::cast_slice(&texels));
+        tables.update(bytemuck::cast_slice(&[count, stride]));
+        tables.update(bytemuck::cast_slice(&set.beams));
+        tables.update(bytemuck::bytes_of(&[set.area, f64::from(set.unit)]));
         Ok(Self {
+            tables: *tables.finalize().as_bytes(),
             settings: gpu.buffer("transfer", std::mem::size_of::<uniforms::Transfer>() as u64, storage)?,
             frame: gpu.buffer("frame", std::mem::size_of::<uniforms::FrameUniform>() as u64, uniform)?,
             texel_rows: filled("rows of texels", bytemuck::cast_slice(&mass.rows_of_texels()))?,
@@ -121,6 +133,11 @@ impl Held {
         let kept = [&self.texel_rows, &self.masses, &self.direct, &self.scattered];
         let work = self.work.iter().flat_map(Workshop::buffers);
         kept.into_iter().chain(work).map(wgpu::Buffer::size).sum()
+    }
+
+    /// What there is to keep of a bake.
+    pub fn matrices(&self) -> Matrices<'_> {
+        Matrices([&self.direct, &self.scattered])
     }
 
     pub fn write_frame(&self, inputs: &Inputs<'_>) {

@@ -5,8 +5,15 @@ mod bake;
 mod basis;
 mod beams;
 mod buffers;
+mod keeping;
+mod key;
+mod layout;
 mod mass;
 mod passes;
+mod store;
+#[cfg(test)]
+#[allow(clippy::unwrap_used, clippy::expect_used)]
+mod store_tests;
 #[cfg(test)]
 #[allow(clippy::unwrap_used, clippy::expect_used)]
 mod tests;
@@ -21,9 +28,11 @@ use scene::{Light, Scene};
 use crate::error::RenderError;
 use crate::illumination::{Inputs, Progress};
 use crate::light_field::LightField;
-use bake::{Bake, Work};
+use bake::Bake;
 use basis::LightVector;
+use layout::Work;
 pub(crate) use passes::Pipelines;
+pub use store::{BakeStore, DEFAULT_BAKE_BYTES};
 
 /// Refuses lights that are not at infinity, in words.
 ///
@@ -43,12 +52,17 @@ pub(crate) fn check(scene: &Scene) -> Result<(), FieldError> {
     Err(FieldError::new(format!("lights[{}].type", light.index), message))
 }
 
+/// The light is not said to be whole before it is.
+const NEARLY: f32 = 0.995;
+
 /// The baked light of a session.
 #[derive(Default)]
 pub(crate) struct PrecomputedTransfer {
     bake: Option<Bake>,
     /// The lights that the field is of, and what they are made of.
     lit: Option<(Vec<Light>, LightVector)>,
+    /// Light in matter as it was, shown until there is something of all light in matter as it is.
+    old: Option<LightField>,
 }
 
 impl PrecomputedTransfer {
@@ -62,30 +76,37 @@ impl PrecomputedTransfer {
     ) -> Result<Progress, RenderError> {
         let scene = &inputs.snapshot.scene;
         if self.bake.as_ref().is_none_or(|bake| !bake.serves(scene)) {
-            // The old one goes first: both need not fit at once.
-            (self.bake, self.lit) = (None, None);
+            // The old matrices go first: both need not fit at once.
+            let (bake, lit) = (self.bake.take(), self.lit.take());
+            if self.old.is_none() && lit.is_some() {
+                self.old = bake.map(|bake| bake.field);
+            }
             self.bake = Some(Bake::new(inputs)?);
         }
         let Some(bake) = &mut self.bake else {
             return Err(RenderError::Gpu("a bake is missing".into()));
         };
         let mut work = Work::default();
-        let works = !bake.is_complete();
-        while !bake.is_complete() {
+        while !bake.is_settled() {
             bake.work(inputs, &mut work)?;
             if deadline.is_some_and(|deadline| Instant::now() >= deadline) {
                 break;
             }
         }
-        let kept = self.lit.take().filter(|(lights, _)| *lights == scene.lights);
-        let changed = works || kept.is_none();
-        let lit = match kept {
-            Some(lit) => lit,
-            None => (scene.lights.clone(), bake.light_of(scene)),
-        };
-        let (_, light) = self.lit.insert(lit);
-        if changed {
-            bake.relight(inputs, light)?;
+        let complete = bake.is_settled();
+        let mut changed = false;
+        if self.old.is_none() || bake.has_all_light() {
+            self.old = None;
+            let kept = self.lit.take().filter(|(lights, _)| *lights == scene.lights);
+            changed = work.rays + work.photons + work.loaded > 0 || kept.is_none();
+            let lit = match kept {
+                Some(lit) => lit,
+                None => (scene.lights.clone(), bake.light_of(scene)),
+            };
+            let (_, light) = self.lit.insert(lit);
+            if changed {
+                bake.relight(inputs, light)?;
+            }
         }
         let mut count = |name: &str, value: u64| counters.insert(name.to_owned(), value);
         count("transfer_rays_marched", work.rays);
@@ -97,14 +118,22 @@ impl PrecomputedTransfer {
         count("transfer_rows", bake.rows());
         count("transfer_rows_lit", if changed { bake.rows() } else { 0 });
         count("transfer_peak_bytes", bake.peak_bytes);
-        Ok(Progress { complete: bake.is_complete(), completeness: bake.progress(), changed })
+        count("bakes_loaded", work.loaded);
+        count("bakes_stored", work.stored);
+        let progress = bake.progress();
+        Ok(Progress { complete, completeness: if complete { 1.0 } else { progress.min(NEARLY) }, changed })
     }
 
     pub fn field(&self) -> Option<&LightField> {
-        self.bake.as_ref().map(|bake| &bake.field)
+        self.old.as_ref().or(self.bake.as_ref().map(|bake| &bake.field))
+    }
+
+    /// Whether what is shown is light in matter as it was.
+    pub fn shows_old_light(&self) -> bool {
+        self.old.is_some()
     }
 
     pub fn bytes(&self) -> u64 {
-        self.bake.as_ref().map_or(0, Bake::bytes)
+        self.bake.as_ref().map_or(0, Bake::bytes) + self.old.as_ref().map_or(0, LightField::bytes)
     }
 }

@@ -9,6 +9,7 @@ use scene::plan::Target;
 use scene::{EnvironmentImage, EnvironmentImages, PreparedVolume, Scene, Snapshot, Volume, Voxels};
 use serde_json::{Value, json};
 
+use super::buffers::batch_of;
 use crate::test_support::{balls, renderer};
 use crate::{DrawRequest, Drawn, View};
 
@@ -35,13 +36,13 @@ fn images(bright: usize) -> EnvironmentImages {
     [("sky".to_owned(), Arc::new(EnvironmentImage::new(16, 8, &rgb).unwrap()))].into()
 }
 
-fn snapshot(volume: &Arc<PreparedVolume>, patches: &[Value], bright: usize, epoch: u32) -> Arc<Snapshot> {
+pub fn snapshot(volume: &Arc<PreparedVolume>, patches: &[Value], bright: usize, epoch: u32) -> Arc<Snapshot> {
     let file = proto::SceneFile::from_value(file(patches)).unwrap();
     let scene = Scene::with_images(&file, volume.clone(), &images(bright)).unwrap();
     Arc::new(Snapshot { epoch, scene })
 }
 
-const TARGET: Target = Target { width: 16, height: 16, samples_per_pixel: 4 };
+pub const TARGET: Target = Target { width: 16, height: 16, samples_per_pixel: 4 };
 
 fn draw(view: &mut View, snapshot: &Arc<Snapshot>) -> Drawn {
     let drawn = renderer().draw(view, &DrawRequest { snapshot, target: TARGET, budget: None }).unwrap();
@@ -53,7 +54,7 @@ fn radiance(view: &View) -> Vec<f32> {
     renderer().radiance(view).unwrap().rgb
 }
 
-fn image_of(snapshot: &Arc<Snapshot>) -> Vec<f32> {
+pub fn image_of(snapshot: &Arc<Snapshot>) -> Vec<f32> {
     let mut view = View::new();
     draw(&mut view, snapshot);
     radiance(&view)
@@ -153,6 +154,36 @@ fn edits_of_matter_are_new_bakes() {
     assert!(counters.iter().all(|c| c["transfer_rays_marched"] > 0 && c["transfer_photons_traced"] > 0));
     // Grey albedo has one plane of scattered light, coloured has three.
     assert!(counters[1]["transfer_peak_bytes"] < counters[0]["transfer_peak_bytes"]);
+}
+
+#[test]
+fn light_before_an_edit_is_shown_until_there_is_some_of_all_of_the_new() {
+    let volume = balls(20);
+    let photons = 3 * batch_of(renderer().gpu());
+    let denser = json!({"density": 2, "illumination": {"transfer_photons": photons}});
+    let (before, after) = (snapshot(&volume, &[], 0, 1), snapshot(&volume, &[denser], 0, 2));
+    let mut view = View::new();
+    assert_eq!(draw(&mut view, &before).illumination_epoch, 1);
+    let mut told = Vec::new();
+    loop {
+        let request =
+            DrawRequest { snapshot: &after, target: TARGET, budget: Some(Duration::from_millis(1)) };
+        let drawn = renderer().draw(&mut view, &request).unwrap();
+        told.push((drawn.illumination_epoch, drawn.illumination));
+        if drawn.illumination_epoch == 1 {
+            assert_eq!(drawn.counters["transfer_rows_lit"], 0, "old light stays as it is");
+        }
+        if drawn.complete {
+            break;
+        }
+    }
+    assert!(told[0].0 == 1 && told[0].1 < 0.5, "{told:?}");
+    assert!(told.is_sorted() && told[told.len() - 1] == (2, 1.0), "{told:?}");
+    assert!(told.iter().any(|&(epoch, share)| epoch == 2 && share < 1.0), "{told:?}");
+    assert_eq!(radiance(&view), image_of(&after));
+    // Without light before there is none of it to show.
+    let request = DrawRequest { snapshot: &after, target: TARGET, budget: Some(Duration::from_millis(1)) };
+    assert_eq!(renderer().draw(&mut View::new(), &request).unwrap().illumination_epoch, 2);
 }
 
 #[test]

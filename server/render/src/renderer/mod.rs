@@ -60,6 +60,7 @@ pub struct Renderer {
     refining: refining::Pipelines,
     convection_diffusion: convection_diffusion::Pipelines,
     pub(crate) transfer_pipelines: precomputed_transfer::Pipelines,
+    bakes: Option<Arc<precomputed_transfer::BakeStore>>,
 }
 
 /// What is wanted of one call of [`Renderer::draw`].
@@ -88,6 +89,8 @@ pub struct Drawn {
     pub estimate: Option<PathEstimate>,
     /// Share of the light that is the snapshot's, 0..1.
     pub illumination: f32,
+    /// Epoch of the scene whose light is shown: an older one's while there is little of the snapshot's.
+    pub illumination_epoch: u32,
     /// Whether anything ran or has to (a tone-mapping edit leaves the film alone).
     pub drew: bool,
     /// Times of the stages that ran.
@@ -235,11 +238,17 @@ impl Renderer {
             photon_pipelines,
             convection_diffusion,
             transfer_pipelines,
+            bakes: None,
             record_passes,
             direct_light,
             tone_mapper,
             refining,
         })
+    }
+
+    /// Where bakes of `precomputed_transfer` are kept from now on, and taken from; `None`: nowhere.
+    pub fn keep_bakes(&mut self, bakes: Option<Arc<precomputed_transfer::BakeStore>>) {
+        self.bakes = bakes;
     }
 
     /// Draws a few pixels with each common variant, so that no viewer waits for a compiler (the
@@ -352,6 +361,7 @@ impl Renderer {
         Ok(Drawn {
             complete: is_lit && (samples >= request.target.samples_per_pixel || good_enough),
             illumination: if scene.has_light_field() { light.completeness() } else { 1.0 },
+            illumination_epoch: if light_is_complete { snapshot.epoch } else { light.lit_epoch() },
             samples_per_pixel: samples,
             pass_share: view.film.as_ref().map_or(0.0, |film| f64::from(film.rows) / f64::from(film.height)),
             estimate,
@@ -411,6 +421,7 @@ impl Renderer {
             photon_pipelines: &self.photon_pipelines,
             convection_diffusion: &self.convection_diffusion,
             transfer_pipelines: &self.transfer_pipelines,
+            bakes: self.bakes.as_ref(),
         })
     }
 

@@ -34,6 +34,8 @@ pub(super) struct Drawing {
     pub casting: Duration,
     /// Share of the light that is the snapshot's, 0..1.
     pub illumination: f32,
+    /// Epoch of the scene whose light that is.
+    pub illumination_epoch: u32,
     /// What was done since the last frame.
     pub report: Option<FrameReport>,
 }
@@ -71,7 +73,7 @@ pub(super) fn header(
         frame,
         seq: drawing.seq,
         snapshot_epoch: epoch,
-        illumination_epoch: epoch,
+        illumination_epoch: drawing.illumination_epoch,
         illumination_completeness: drawing.illumination,
         samples_per_pixel,
         error_estimate: error.map_or(f32::NAN, |error| error as f32),

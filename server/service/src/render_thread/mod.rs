@@ -20,7 +20,7 @@ use parking_lot::{Condvar, Mutex};
 use proto::frame::FrameHeader;
 use proto::plan::FrameReport;
 use proto::rest::DeviceInfo;
-use render::{Gpu, Light, Picture, Preparer, Radiance, RenderError, Renderer, VolumeCache};
+use render::{BakeStore, Gpu, Light, Picture, Preparer, Radiance, RenderError, Renderer, VolumeCache};
 use scene::plan::Target;
 use scene::{Scene, Snapshot};
 use tokio::sync::{mpsc, oneshot};
@@ -150,10 +150,16 @@ impl RenderThread {
     ///
     /// # Errors
     /// The device refuses, or the system has no thread left.
-    pub fn start(gpu: Arc<Gpu>, max_waiting_stills: usize, max_gpu_bytes: u64) -> Result<Self, RenderError> {
+    pub fn start(
+        gpu: Arc<Gpu>,
+        max_waiting_stills: usize,
+        max_gpu_bytes: u64,
+        bakes: Option<Arc<BakeStore>>,
+    ) -> Result<Self, RenderError> {
         let device = gpu.info().clone();
         let mut renderer = Renderer::new(gpu)?;
         renderer.warm_up()?;
+        renderer.keep_bakes(bakes.clone());
         renderer.volumes().set_budget_bytes(max_gpu_bytes);
         let inbox = Inbox {
             viewers: HashMap::new(),
@@ -169,7 +175,7 @@ impl RenderThread {
             wake: Condvar::new(),
             preparer: Mutex::new(renderer.preparer()),
         });
-        let worker = worker::Worker::new(renderer, shared.clone(), max_gpu_bytes);
+        let worker = worker::Worker::new(renderer, shared.clone(), max_gpu_bytes, bakes);
         let thread = std::thread::Builder::new()
             .name("render".into())
             .spawn(move || worker.run())

@@ -82,6 +82,8 @@ struct Shown {
     pixels: u64,
     /// Full resolution, this many samples; 0 for a reduced picture.
     samples_at_full_size: u32,
+    /// Share of the light that was there, 0..1.
+    illumination: f32,
     is_final: bool,
     sent: Instant,
 }
@@ -244,6 +246,7 @@ impl Watched {
         });
         drawing.spent += began.elapsed();
         drawing.illumination = drawn.illumination;
+        drawing.illumination_epoch = drawn.illumination_epoch;
         // While light is on its way pictures are shown in what there is of it.
         let is_whole = drawn.complete || drawn.illumination < 1.0 && drawn.samples_per_pixel > 0;
         let result = match drawing.kind {
@@ -329,6 +332,7 @@ impl Watched {
             spent: Duration::ZERO,
             casting: Duration::ZERO,
             illumination: 1.0,
+            illumination_epoch: self.input.snapshot.epoch,
             report: None,
         })
     }
@@ -414,7 +418,11 @@ impl Watched {
         let missing = drawing.target.samples_per_pixel.saturating_sub(samples);
         let left = drawing.spent.mul_f64(f64::from(missing) / f64::from(samples.max(1)));
         let waited = self.shown.as_ref().is_none_or(|shown| shown.sent.elapsed() >= REFINE_INTERVAL);
-        if samples > shown_samples && (shown_samples == 0 || waited) && left > SOON {
+        let is_finer = samples > shown_samples && (shown_samples == 0 || waited) && left > SOON;
+        // Light that comes bit by bit is shown as it comes, and how much of it there is.
+        let lit = self.shown.as_ref().map_or(0.0, |shown| shown.illumination);
+        let is_brighter = samples > 0 && waited && drawn.illumination > lit && drawn.illumination < 1.0;
+        if is_finer || is_brighter {
             let picture = renderer.picture(&mut self.view)?;
             let Some(drawing) = &mut self.drawing else { return Ok(()) };
             let shown =
@@ -442,6 +450,7 @@ impl Watched {
             } else {
                 0
             },
+            illumination: drawing.illumination,
             is_final,
             sent: Instant::now(),
         });

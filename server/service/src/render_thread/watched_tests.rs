@@ -37,6 +37,7 @@ fn moved() -> Watched {
         viewport: VIEWPORT,
         pixels: 100,
         samples_at_full_size: 0,
+        illumination: 1.0,
         is_final: false,
         sent: watched.changed,
     });

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use render::{AdapterPolicy, DrawRequest, Gpu, Light, RenderError, Renderer, View};
+use render::{AdapterPolicy, BakeStore, DrawRequest, Gpu, Light, RenderError, Renderer, View};
 
 use super::turns::{Account, Patience, Turns};
 use super::watched::{Need, Watched};
@@ -30,6 +30,8 @@ pub(super) struct Worker {
     software: bool,
     /// For all that is on the GPU.
     max_gpu_bytes: u64,
+    /// Where precomputed light is kept.
+    bakes: Option<Arc<BakeStore>>,
     viewers: HashMap<ViewerId, Watched>,
     still: Option<ActiveStill>,
     /// The picture of the export under way.
@@ -56,13 +58,19 @@ enum Turn {
 }
 
 impl Worker {
-    pub(super) fn new(renderer: Renderer, shared: Arc<Shared>, max_gpu_bytes: u64) -> Self {
+    pub(super) fn new(
+        renderer: Renderer,
+        shared: Arc<Shared>,
+        max_gpu_bytes: u64,
+        bakes: Option<Arc<BakeStore>>,
+    ) -> Self {
         let software = renderer.gpu().info().software;
         Self {
             renderer,
             shared,
             software,
             max_gpu_bytes,
+            bakes,
             viewers: HashMap::new(),
             still: None,
             export: None,
@@ -327,7 +335,8 @@ impl Worker {
         }
         let policy = if self.software { AdapterPolicy::Any } else { AdapterPolicy::HardwareOnly };
         match Gpu::open(policy).and_then(Renderer::new) {
-            Ok(renderer) => {
+            Ok(mut renderer) => {
+                renderer.keep_bakes(self.bakes.clone());
                 renderer.volumes().set_budget_bytes(self.max_gpu_bytes);
                 *self.shared.preparer.lock() = renderer.preparer();
                 self.renderer = renderer;

@@ -48,6 +48,7 @@ fn with_inputs<T>(
         record_passes: &device.renderer.record_passes.clone(),
         direct_light: &device.renderer.direct_light.clone(),
         transfer_pipelines: &device.renderer.transfer_pipelines,
+        bakes: None,
         photon_pipelines: &device.renderer.photon_pipelines.clone(),
         convection_diffusion: &device.pipelines,
     };

@@ -1,0 +1,172 @@
+//! A bake's way to its file and back, a slice at a time.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use super::store::{Arrival, BakeStore, Done, Incoming, Key, Outgoing, PIECE_BYTES};
+use crate::error::RenderError;
+use crate::gpu::Gpu;
+
+/// How long a slice waits for the disk.
+const WAIT: Duration = Duration::from_millis(2);
+/// A bake under way is worked on at least this many times as long as it takes to be handed to the disk.
+const WORK_PER_WRITING: u32 = 20;
+
+/// What a bake has to do with a store.
+pub struct Keeping {
+    store: Arc<BakeStore>,
+    key: Key,
+    stage: Stage,
+    /// When it was last handed to the disk, or began, and how long that took.
+    since: Instant,
+    took: Duration,
+}
+
+enum Stage {
+    Idle,
+    Reading { incoming: Incoming, done: Option<Done>, at: u64 },
+    Writing { outgoing: Outgoing, waiting: Option<Vec<u8>>, at: u64, began: Instant },
+}
+
+/// What a slice came to.
+#[derive(Debug, PartialEq, Eq)]
+pub enum Step {
+    /// There is nothing to do.
+    Free,
+    /// It goes on; the matrices must stay as they are.
+    Busy,
+    /// The matrices are those of the file.
+    Loaded(Done),
+    /// There was no file of use: matrices are empty.
+    Missed,
+    /// All is with the disk.
+    Stored,
+}
+
+/// Both matrices, one behind the other.
+pub struct Matrices<'a>(pub [&'a wgpu::Buffer; 2]);
+
+impl Matrices<'_> {
+    fn bytes(&self) -> u64 {
+        self.0.iter().map(|buffer| buffer.size()).sum()
+    }
+
+    /// The buffer that holds the byte at a place, where that is in it, and how many bytes follow there.
+    fn at(&self, place: u64) -> (&wgpu::Buffer, u64, u64) {
+        let first = self.0[0].size();
+        if place < first {
+            (self.0[0], place, first - place)
+        } else {
+            (self.0[1], place - first, self.bytes() - place)
+        }
+    }
+
+    fn write(&self, gpu: &Gpu, mut place: u64, mut bytes: &[u8]) -> Result<(), RenderError> {
+        while !bytes.is_empty() {
+            let (buffer, from, room) = self.at(place);
+            let (now, later) = bytes.split_at(room.min(bytes.len() as u64) as usize);
+            gpu.queue.write_buffer(buffer, from, now);
+            (place, bytes) = (place + now.len() as u64, later);
+        }
+        // What waits to be copied is bounded.
+        gpu.queue.submit([]);
+        gpu.wait()
+    }
+
+    fn read(&self, gpu: &Gpu, place: u64) -> Result<Vec<u8>, RenderError> {
+        let (buffer, from, rest) = self.at(place);
+        gpu.read_part(buffer, from, rest.min(PIECE_BYTES))
+    }
+
+    fn clear(&self, gpu: &Gpu) {
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        self.0.iter().for_each(|buffer| encoder.clear_buffer(buffer, 0, None));
+        gpu.queue.submit([encoder.finish()]);
+    }
+}
+
+impl Keeping {
+    /// Looks for the bake in the store.
+    pub fn new(store: &Arc<BakeStore>, key: Key, matrices: &Matrices<'_>) -> Self {
+        let stage = match store.read(key, matrices.bytes()) {
+            Some(incoming) => Stage::Reading { incoming, done: None, at: 0 },
+            None => Stage::Idle,
+        };
+        Self { store: store.clone(), key, stage, since: Instant::now(), took: Duration::ZERO }
+    }
+
+    /// Whether disk and matrices have nothing to do with each other now.
+    pub fn is_idle(&self) -> bool {
+        matches!(self.stage, Stage::Idle)
+    }
+
+    /// Whether a bake under way should be written again.
+    pub fn is_due(&self) -> bool {
+        self.since.elapsed() >= self.store.checkpoint_interval().max(WORK_PER_WRITING * self.took)
+    }
+
+    /// Begins to write the matrices as they are; not where there is no room.
+    pub fn write(&mut self, done: Done, matrices: &Matrices<'_>) {
+        self.since = Instant::now();
+        if let Some(outgoing) = self.store.write(self.key, done, matrices.bytes()) {
+            self.stage = Stage::Writing { outgoing, waiting: None, at: 0, began: self.since };
+        }
+    }
+
+    /// A slice of reading or writing.
+    ///
+    /// # Errors
+    /// GPU errors.
+    pub fn step(&mut self, gpu: &Gpu, matrices: &Matrices<'_>) -> Result<Step, RenderError> {
+        let step = match &mut self.stage {
+            Stage::Idle => return Ok(Step::Free),
+            Stage::Reading { incoming, done, at } => match incoming.next(WAIT) {
+                None => Step::Busy,
+                Some(Arrival::Begins(begun)) => {
+                    *done = Some(begun);
+                    Step::Busy
+                }
+                Some(Arrival::Piece(piece)) => {
+                    matrices.write(gpu, *at, &piece)?;
+                    *at += piece.len() as u64;
+                    Step::Busy
+                }
+                Some(Arrival::Ends) => done.map_or(Step::Missed, Step::Loaded),
+                Some(Arrival::Nothing) => Step::Missed,
+            },
+            Stage::Writing { outgoing, waiting, at, began } => {
+                if *at == matrices.bytes() && waiting.is_none() {
+                    self.took = began.elapsed();
+                    self.since = Instant::now();
+                    Step::Stored
+                } else {
+                    let piece = match waiting.take() {
+                        Some(piece) => piece,
+                        None => {
+                            let piece = matrices.read(gpu, *at)?;
+                            *at += piece.len() as u64;
+                            piece
+                        }
+                    };
+                    match outgoing.give(piece) {
+                        Ok(true) => Step::Busy,
+                        // It was said why.
+                        Ok(false) => Step::Free,
+                        Err(piece) => {
+                            *waiting = Some(piece);
+                            std::thread::sleep(WAIT);
+                            Step::Busy
+                        }
+                    }
+                }
+            }
+        };
+        if step != Step::Busy {
+            self.stage = Stage::Idle;
+        }
+        if step == Step::Missed {
+            matrices.clear(gpu);
+        }
+        Ok(step)
+    }
+}

@@ -1,0 +1,74 @@
+import assert from "node:assert/strict";
+import { difference, hashOf } from "../lib/pixels.js";
+import { FINAL_MILLIS } from "../lib/page.js";
+import { until } from "../lib/wait.js";
+import { sessionOf, step, theBall, world } from "../lib/world.js";
+
+/** Small enough for a software device, long enough to be seen at work there. */
+const BAKE = { method: "precomputed_transfer", transfer_lights: 42, transfer_grid: 12, transfer_directions: 48, transfer_photons: 32768, transfer_events: 4, transfer_bands: 1 };
+const SKY = [{ id: "sky", type: "environment", radiance: [1, 1, 1] }];
+const SUN = { id: "sun", type: "directional", direction: [-1, -1, -0.5], irradiance: [3, 2, 1] };
+
+/** Writes down from now on what the mark of a bake says, and whether it is of old light. */
+const watchMark = (page) =>
+  page.evaluate(() => {
+    window.bakeMarks = [];
+    const note = () => {
+      const mark = document.querySelector("[data-testid=bake-mark]");
+      if (mark) window.bakeMarks.push({ old: mark.dataset.old === "true", words: mark.innerText.replace(/\s+/g, " ") });
+    };
+    new MutationObserver(note).observe(document.body, { subtree: true, childList: true, characterData: true, attributes: true });
+  });
+
+export function bakeSteps() {
+  step("precomputed light: it is baked with progress, lights are free, an edit says that light is old", async (arrive, context) => {
+    const visitor = await arrive({ hash: await sessionOf(await theBall()) });
+    await visitor.picture();
+    assert.equal(await visitor.at("transfer-lights").count(), 0, "no settings of a bake without one");
+    // Elsewhere a bake may be over before a picture tells of it.
+    const { device: { software } } = await world.server.json("GET", "status");
+    const marks = () => visitor.page.evaluate(() => window.bakeMarks.splice(0));
+    await watchMark(visitor.page);
+    let epoch = 0;
+    const patch = async (body) => {
+      ({ epoch } = await world.server.json("PATCH", `sessions/${visitor.session()}/scene`, body));
+    };
+    const picture = async () => {
+      await until("a picture of the edit", FINAL_MILLIS, async () => Number(await visitor.data("viewport", "epoch")) >= epoch);
+      return visitor.picture();
+    };
+
+    await patch({ lights: SKY, illumination: BAKE });
+    const sky = await picture();
+    const first = await marks();
+    context.diagnostic(first.map(({ words }) => words).join("; "));
+    assert.ok(!software || first.some(({ old, words }) => !old && /^Baking light \d+ %/.test(words)), "progress");
+    assert.equal(await visitor.at("bake-mark").count(), 0, "it is done");
+    assert.equal(await visitor.at("transfer-lights").inputValue(), "42");
+    assert.equal(await visitor.at("transfer-directions").inputValue(), "48");
+
+    // Another light costs no bake.
+    const before = visitor.reports.length;
+    await patch({ lights: [...SKY, SUN] });
+    const sunny = await picture();
+    assert.ok(difference(sky, sunny).mean > 0.5, "the sun is seen");
+    assert.deepEqual((await marks()).filter(({ old }) => old), [], "it is not old light");
+    const sum = (name) => visitor.reports.slice(before).reduce((all, { counters }) => all + (counters[name] ?? 0), 0);
+    await until("the report of the light", FINAL_MILLIS, async () => sum("transfer_rows_lit") > 0);
+    assert.deepEqual([sum("transfer_photons_traced"), sum("transfer_rays_marched")], [0, 0]);
+
+    // Other matter: the light before stays, and says so.
+    await patch({ density: 3 });
+    const dense = await picture();
+    const second = await marks();
+    context.diagnostic(second.map(({ words }) => words).join("; "));
+    assert.ok(!software || second.some(({ old, words }) => old && /before the edit; baking anew \d+ %/.test(words)), "old light, marked");
+    assert.equal(await visitor.at("bake-mark").count(), 0);
+    assert.ok(difference(sunny, dense).mean > 0.2, "denser matter is another picture");
+
+    // What was baked before is not baked again.
+    await patch({ density: 1 });
+    assert.equal(hashOf(await picture()), hashOf(sunny));
+    assert.deepEqual(visitor.complaints, []);
+  });
+}

@@ -1,0 +1,22 @@
+import { expect, test } from "vitest";
+import { takesPictures } from "../lights/environments";
+import type { SceneFile } from "../generated/proto";
+import { directionChoices, hasBake, lightChoices } from "./bakes";
+
+const scene = (method: string, mode: string) => ({ illumination: { method }, rendering: { mode } }) as unknown as SceneFile;
+
+test("only pictures of matter in light by this method are baked", () => {
+  expect(hasBake(scene("precomputed_transfer", "volume"))).toBe(true);
+  expect(hasBake(scene("precomputed_transfer", "slice"))).toBe(false);
+  expect(hasBake(scene("photon_map", "volume"))).toBe(false);
+});
+
+test("choices are what the server takes, by names of their own", () => {
+  expect(lightChoices.map(({ value }) => Number(value))).toEqual([42, 162, 642]);
+  expect(directionChoices.map(({ value }) => Number(value))).toEqual([48, 192, 768, 3072]);
+  expect(new Set(lightChoices.map(({ label }) => label)).size).toBe(3);
+});
+
+test("baked light takes pictures of light", () => {
+  expect(takesPictures("precomputed_transfer")).toBe(true);
+});
