@@ -21,6 +21,8 @@ struct Mass {
 const MOST_DEPTH = 2.0;
 // Optical depth of a texel from which on only its skin counts.
 const OPAQUE_DEPTH = 6.0;
+// Whether it does: for light that comes from one side only both skins of a wall would count, and one is lit.
+override SKINS: bool = true;
 // Places along an axis of a cell.
 const PLACES = 4u;
 
@@ -72,7 +74,7 @@ fn counted(uvw: vec3f, step: vec3f) -> f32 {
     let texel = across * f32(PLACES);
     let depth = sigma_t * texel;
     var seen = min(sigma_t, MOST_DEPTH / texel);
-    if depth > MOST_DEPTH {
+    if SKINS && depth > MOST_DEPTH {
         // Of the axes the one with the nearest way out within a texel; a thin wall has two skins on it.
         var nearest = MOST_DEPTH;
         var uncovered = 0.0;

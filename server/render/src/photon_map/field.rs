@@ -145,7 +145,7 @@ impl FieldOfPhotons {
         });
         let groups = (cells.len() as u32).div_ceil(WORKGROUP);
         let columns = groups.min(MAX_GROUPS);
-        gpu.dispatch(&pipelines.mass(scene.filter), &bind_group, [columns, groups.div_ceil(columns)]);
+        gpu.dispatch(&pipelines.mass(scene.filter, true), &bind_group, [columns, groups.div_ceil(columns)]);
         gpu.wait()?;
         Ok(true)
     }

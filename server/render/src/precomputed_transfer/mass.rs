@@ -65,7 +65,8 @@ impl Mass {
         });
         let groups = (cells.len() as u32).div_ceil(WORKGROUP);
         let columns = groups.min(MAX_GROUPS);
-        gpu.dispatch(&pipelines.mass(scene.filter), &bind_group, [columns, groups.div_ceil(columns)]);
+        // Beams light skins from one side.
+        gpu.dispatch(&pipelines.mass(scene.filter, false), &bind_group, [columns, groups.div_ceil(columns)]);
         let bytes = gpu.read_buffer(&moments, moments_bytes)?;
         Ok(Self::of_moments(dims, &bytemuck::pod_collect_to_vec(&bytes)))
     }
