@@ -155,8 +155,7 @@ const PHOTON_MAP: Entry = Entry {
     // The same photons and paths every time.
     noisy: false,
     off_by_at_most: 0.3,
-    // Where a texel is optically thick the extinction it is divided by is capped.
-    weak_at: &[("1x1x1", 1.6)],
+    weak_at: &[],
     not_yet: None,
     halved: Some((r#"{"illumination": {"photon_grid": 8, "direct_grid": 32}}"#, 0.1)),
     work: "tentative_collisions",
@@ -199,7 +198,7 @@ const CONVECTION_DIFFUSION: Entry = Entry {
     noisy: false,
     off_by_at_most: 0.3,
     // Matter whose skin is thinner than a cell, up to the faces of the box.
-    weak_at: &[("opacity 1 everywhere", 1.0)],
+    weak_at: &[("opacity 1 everywhere", 1.0), ("1, extinction 1e4", 0.8)],
     not_yet: None,
     halved: Some((r#"{"illumination": {"light_grid": 0.25}}"#, 0.1)),
     work: "light_cells_carried",
@@ -375,7 +374,7 @@ mod tests {
         assert_eq!(LOCAL_ENTRY.tolerance_in("1x1x1", -1.0), -1.0);
         assert_eq!(PHOTON_MAP.tolerance_in("a box", 0.05), PHOTON_MAP.off_by_at_most);
         assert_eq!(PHOTON_MAP.tolerance_in("a box", 0.5), 0.5);
-        assert_eq!(PHOTON_MAP.tolerance_in("1x1x1", 0.05), 1.6);
+        assert_eq!(CONVECTION_DIFFUSION.tolerance_in("opacity 1 everywhere", 0.05), 1.0);
         assert!(chosen(&["photon".to_owned()]).is_err_and(|refused| refused.contains("photon_map")));
         assert_eq!(chosen(&[]).unwrap().len(), LADDER.len());
     }
