@@ -56,7 +56,6 @@ pub(crate) struct Inputs<'a> {
     /// Lights by kind, with all of their geometry.
     pub lights: &'a LightTables,
     /// Bounds of the extinction, for methods that track paths.
-    #[allow(dead_code)]
     pub majorants: Option<&'a wgpu::TextureView>,
     /// Distances to matter, a byte per macrocell.
     pub distance_map: Option<&'a wgpu::TextureView>,

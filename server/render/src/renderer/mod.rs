@@ -131,11 +131,15 @@ impl Preparer {
     }
 
     /// Compiles what a scene needs whose volume is on the GPU: the pipeline of its pictures, and that
-    /// of pictures in view-ray segments, which edits will ask for. Blocks while it compiles.
+    /// of pictures in view-ray segments, which edits will ask for, or of paths that refine it. Blocks while
+    /// it compiles.
     pub fn compile(&self, scene: &Scene) {
         if scene.integrator() == Integrator::PathTracer {
             self.path_tracer.pipeline(PathVariant::of(scene));
             return;
+        }
+        if scene.is_refined() {
+            self.path_tracer.pipeline(PathVariant::of(&scene.path_traced()));
         }
         let Some(texture) = self.volumes.loaded(&scene.volume) else { return };
         let variant = Variant::of(scene, &texture, None);
