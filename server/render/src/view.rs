@@ -166,6 +166,11 @@ impl View {
         self.bytes() + self.segment_bytes() + self.path_bytes() + refinement
     }
 
+    /// What is shown in place of the film, if paths have refined it.
+    pub(crate) fn refined(&self) -> Option<&Refinement> {
+        self.refinement.as_deref().filter(|refinement| refinement.paths > 0)
+    }
+
     /// Its light.
     pub fn light(&self) -> &Light {
         &self.light

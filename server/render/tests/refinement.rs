@@ -145,6 +145,18 @@ fn what_is_refined_is_dropped_on_edit_and_only_as_much_as_it_takes() {
     let shown = draw(&mut renderer, &mut view, &more, at_rest(&more));
     assert!(!shown.plan.runs(Pass::RayCast) && !shown.plan.runs(Pass::Illuminate));
     assert_eq!(shown.counters["paths"], 4 * u64::from(WIDTH * HEIGHT));
+    // What paths alone see changes what they find, and what is shown of it.
+    let before = renderer.picture(&mut view).unwrap();
+    let short = json!({"illumination": {"paths_per_pixel": 12, "longest_path": 1}});
+    let short = snapshot(&volume, &[short], 4);
+    let shown = draw(&mut renderer, &mut view, &short, at_rest(&short));
+    assert!(!shown.plan.runs(Pass::RayCast) && shown.samples_per_pixel == SAMPLES + 12);
+    let after = renderer.picture(&mut view).unwrap();
+    let mut fresh = View::new();
+    draw(&mut renderer, &mut fresh, &short, at_rest(&short));
+    assert!(after != before, "paths are cut");
+    assert!(after == renderer.picture(&mut fresh).unwrap());
+    draw(&mut renderer, &mut view, &more, at_rest(&more));
     // As good as asked for.
     let rough = json!({"illumination": {"paths_per_pixel": 4096, "max_error": 0.2}});
     let rough = snapshot(&volume, &[rough], 4);

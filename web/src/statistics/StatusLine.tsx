@@ -24,7 +24,7 @@ export function StatusLine() {
       {/* Most important first: what has no room goes to a second row, which is not seen. */}
       <span className="status-figures">
         {light !== null && <Figure label="light" hint="Share of the light that is that of the scene: the rest follows" value={light} width={light.includes(",") ? 142 : 72} testId="status-light" />}
-        {error !== null && <Figure label="error" hint="Standard error of the picture: it falls as paths are added" value={`${(error * 100).toFixed(1)} %`} width={88} testId="status-error" />}
+        {error !== null && <Figure label="error" hint="How far off the picture is, by its own estimate: it falls as paths are added" value={`${(error * 100).toFixed(1)} %`} width={88} testId="status-error" />}
         <Figure label="input to picture" hint="Time from what you do to the picture that shows it; median of the last inputs" value={latencyMillis === null ? "–" : `${Math.round(latencyMillis)} ms`} width={150} testId="status-latency" />
         {edit !== "–" && <Figure label="edit" hint="Time from the newest edit to its first picture, and to its final one" value={edit} width={128} testId="status-edit" />}
         <Figure label="samples skipped" hint="Share of the samples on view rays that lie in empty space and cost nothing" value={skipped === null ? "–" : `${Math.round(skipped * 100)} %`} width={138} testId="status-skipped" />

@@ -439,8 +439,8 @@ impl Renderer {
             return Err(RenderError::Gpu("the view was never drawn".into()));
         };
         let pixels = u64::from(film.width) * u64::from(film.height);
-        let refinement = view.refinement.as_ref().filter(|refinement| refinement.paths > 0);
-        let (shown, paths) = refinement.map_or((&buffers.film, 0), |shown| (&shown.blended, shown.paths));
+        let (shown, paths) =
+            view.refined().map_or((&buffers.film, 0), |refined| (&refined.blended, refined.paths));
         let samples_per_pixel = film.samples + paths;
         let held = Target { width: film.width, height: film.height, samples_per_pixel };
         let current = view.picture.as_ref().is_some_and(|(snapshot, shown)| {
@@ -470,8 +470,7 @@ impl Renderer {
             return Err(RenderError::Gpu("the view was never drawn".into()));
         };
         let pixels = u64::from(film.width) * u64::from(film.height);
-        let refinement = view.refinement.as_ref().filter(|refinement| refinement.paths > 0);
-        let shown = refinement.map_or(&buffers.film, |refinement| &refinement.blended);
+        let shown = view.refined().map_or(&buffers.film, |refined| &refined.blended);
         let bytes = self.gpu.read_buffer(shown, pixels * FILM_PIXEL_BYTES)?;
         let sums: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&bytes);
         let rgb = sums.iter().flat_map(|&[r, g, b, count]| [r, g, b].map(|x| x / count.max(1.0)));

@@ -172,7 +172,7 @@ impl Renderer {
     /// Follows paths for what is left of the budget, and blends them in.
     fn refine(
         &mut self,
-        view: &View,
+        view: &mut View,
         refinement: &mut Refinement,
         request: &DrawRequest<'_>,
         began: Instant,
@@ -206,6 +206,8 @@ impl Renderer {
                 refinement.paths = followed.samples_per_pixel;
                 let cut = followed.estimate.map_or(0.0, |estimate| estimate.cut);
                 let relative_error = self.blend(view, refinement)?;
+                // The same number of paths may have found something else.
+                view.picture = None;
                 refinement.estimate = Some(PathEstimate { relative_error, cut });
             }
             // Paths alone may be known well enough, too.

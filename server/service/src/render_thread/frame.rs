@@ -20,6 +20,9 @@ const OF_ALL: [[&str; 2]; 3] = [
     ["tiles_reused", "tiles_recomputed"],
 ];
 
+/// Counters that tell how much there is, not how much was done: the newest slice knows.
+const AMOUNTS: [&str; 3] = ["records", "transfer_rows", "transfer_peak_bytes"];
+
 /// A picture under way.
 pub(super) struct Drawing {
     pub kind: Kind,
@@ -112,7 +115,12 @@ pub(super) fn accumulate(report: &mut Option<FrameReport>, slice: FrameReport) {
         (reused, recomputed, total(&slice.counters).max(total(&report.counters)))
     });
     for (name, count) in slice.counters {
-        *report.counters.entry(name).or_default() += count;
+        let known = if AMOUNTS.contains(&name.as_str()) {
+            0
+        } else {
+            report.counters.get(&name).copied().unwrap_or(0)
+        };
+        report.counters.insert(name, known + count);
     }
     for (reused, recomputed, total) in reused {
         if let Some(total) = total {
@@ -146,13 +154,17 @@ mod tests {
         for redone in [100, 250, 0] {
             let (photons, bricks) = (("photons_recomputed", redone), ("bricks_recomputed", 40));
             let rest = [("photons_reused", 1000 - redone), ("bricks_reused", 10)];
-            accumulate(&mut report, slice(&[photons, bricks, rest[0], rest[1], ("samples_taken", 7)]));
+            let amount = ("transfer_rows", 5);
+            accumulate(
+                &mut report,
+                slice(&[photons, bricks, rest[0], rest[1], amount, ("samples_taken", 7)]),
+            );
         }
         let counters = report.unwrap().counters;
         assert_eq!((counters["photons_recomputed"], counters["photons_reused"]), (350, 650));
         // Filled again and again: more than there are.
         assert_eq!((counters["bricks_recomputed"], counters["bricks_reused"]), (120, 0));
-        assert_eq!(counters["samples_taken"], 21);
+        assert_eq!((counters["samples_taken"], counters["transfer_rows"]), (21, 5));
     }
 
     #[test]
