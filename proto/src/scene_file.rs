@@ -811,7 +811,7 @@ pub struct Illumination {
     /// `photon_map`: texels of the light field along the volume's longest edge, 4..256.
     pub photon_grid: u32,
     /// `photon_map`: bands of spherical harmonics that hold the light where matter is not isotropic,
-    /// 1..6.
+    /// 1..6; 0: as many as the phase functions ask for.
     pub photon_bands: u32,
     /// `photon_map`, `image_based`: cells along the volume's longest edge of the grid that holds what
     /// lights bring by themselves, 4..256; none smaller than half a voxel.
@@ -923,9 +923,9 @@ impl Default for Illumination {
             light_layers: false,
             refine: false,
             photons: 65_536,
-            photon_events: 16,
+            photon_events: 32,
             photon_grid: 48,
-            photon_bands: 3,
+            photon_bands: 0,
             direct_grid: 64,
             light_grid: 0.5,
             light_bands: 2,

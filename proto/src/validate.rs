@@ -38,7 +38,7 @@ pub(crate) fn scene(scene: &SceneFile) -> Checked {
     within("illumination.photons", f64::from(illumination.photons), 1.0, f64::from(MAX_PHOTONS))?;
     within("illumination.photon_events", f64::from(illumination.photon_events), 1.0, 256.0)?;
     within("illumination.photon_grid", f64::from(illumination.photon_grid), 4.0, 256.0)?;
-    within("illumination.photon_bands", f64::from(illumination.photon_bands), 1.0, 6.0)?;
+    within("illumination.photon_bands", f64::from(illumination.photon_bands), 0.0, f64::from(MAX_BANDS))?;
     within("illumination.direct_grid", f64::from(illumination.direct_grid), 4.0, 256.0)?;
     within("illumination.light_grid", illumination.light_grid, 0.01, 2.0)?;
     within("illumination.light_bands", f64::from(illumination.light_bands), 1.0, 6.0)?;

@@ -4,99 +4,137 @@
 
 // Cells between texel centres, one more than texels along each axis: of each eight sums.
 @group(0) @binding(14) var<storage, read_write> moments: array<f32>;
-// Cells to be added up.
-@group(0) @binding(15) var<storage, read> cells: array<u32>;
+// Blocks of 2^3 cells to be added up.
+@group(0) @binding(15) var<storage, read> blocks: array<u32>;
 @group(0) @binding(13) var<uniform> mass: Mass;
 @group(0) @binding(9) var macrocells: texture_3d<u32>;
 
 struct Mass {
     // Texels of the field.
     dims: vec3u,
-    // Cells to be added up.
+    // Blocks to be added up.
     count: u32,
 }
 
-// Light that falls straight on opaque matter, seen from where it comes: half of it is left, on average
-// over what is seen.
+// Whether matter counts as far as it is seen; else all of it, to an optical depth of 2 a texel.
+override SEEN: bool = true;
 const MOST_DEPTH = 2.0;
-// Optical depth of a texel from which on only its skin counts.
-const OPAQUE_DEPTH = 6.0;
-// Whether it does: for light that comes from one side only both skins of a wall would count, and one is lit.
-override SKINS: bool = true;
-// Places along an axis of a cell.
-const PLACES = 4u;
+// Cells along an axis of a block, and its places; with what they are looked at through.
+const CELLS = 2u;
+const INNER = CELLS * PLACES;
+const OUTER = INNER + 2u * REACH;
+const INNER_PLACES = INNER * INNER * INNER;
+const OUTER_PLACES = OUTER * OUTER * OUTER;
+const LANES = 64u;
+
+// Extinction at the block's places and around them; below 0: of what may be hidden.
+var<workgroup> extinction: array<f32, OUTER_PLACES>;
+// What counts of it.
+var<workgroup> counted: array<f32, INNER_PLACES>;
+var<workgroup> any_dense: atomic<u32>;
 
 @compute @workgroup_size(64)
-fn add_up_mass(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    always_zero = id.z;
-    let which = id.y * groups.x * 64u + id.x;
-    let cell_index = cells[min(which, mass.count - 1u)];
-    let across = mass.dims + 1u;
-    let cell = vec3f(f32(cell_index % across.x), f32(cell_index / across.x % across.y), f32(cell_index / (across.x * across.y)));
-    let dims = vec3f(mass.dims);
-    var sums = array<f32, 8>();
-    let step = frame.size_world / (dims * f32(PLACES));
-    let volume = step.x * step.y * step.z;
+fn add_up_mass(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    always_zero = group.z;
+    let which = group.y * groups.x + group.x;
+    let block_index = blocks[min(which, mass.count - 1u)];
+    let across = (mass.dims + CELLS) / CELLS;
+    let block = vec3u(block_index % across.x, block_index / across.x % across.y, block_index / (across.x * across.y));
+    let first_cell = CELLS * block;
+    let step = lattice_step(mass.dims);
+    for (var i = lane; i < INNER_PLACES; i += LANES) {
+        let place = vec3u(i % INNER, i / INNER % INNER, i / (INNER * INNER)) + REACH;
+        let found = extinction_of(first_cell, place, step);
+        extinction[index_of(place)] = found;
+        if found < 0.0 { atomicStore(&any_dense, 1u); }
+    }
+    workgroupBarrier();
+    let looks = atomicLoad(&any_dense) == 1u;
+    for (var i = select(OUTER_PLACES, lane, looks); i < OUTER_PLACES; i += LANES) {
+        let place = vec3u(i % OUTER, i / OUTER % OUTER, i / (OUTER * OUTER));
+        let is_inner = all(place >= vec3u(REACH)) && all(place < vec3u(REACH + INNER));
+        if !is_inner { extinction[i] = extinction_of(first_cell, place, step); }
+    }
+    workgroupBarrier();
+    for (var i = lane; i < INNER_PLACES; i += LANES) {
+        let place = vec3u(i % INNER, i / INNER % INNER, i / (INNER * INNER)) + REACH;
+        let found = extinction[index_of(place)];
+        counted[i] = select(found, seen_of(place, -found, step), found < 0.0);
+    }
+    workgroupBarrier();
+    // Of eight cells eight sums.
+    let cell_in_block = vec3u(lane >> 3u & 1u, lane >> 4u & 1u, lane >> 5u);
+    let upper = vec3u(lane & 1u, lane >> 1u & 1u, lane >> 2u & 1u);
+    var sum = 0.0;
     for (var i = 0u; i < PLACES * PLACES * PLACES; i++) {
-        let part = (vec3f(f32(i % PLACES), f32(i / PLACES % PLACES), f32(i / (PLACES * PLACES))) + 0.5) / f32(PLACES);
-        let uvw = (cell - 0.5 + part) / dims;
-        let sigma_t = counted(uvw, step);
-        if sigma_t > 0.0 {
-            for (var corner = 0u; corner < 8u; corner++) {
-                let upper = vec3u(corner & 1u, (corner >> 1u) & 1u, corner >> 2u);
-                let near = select(1.0 - part, part, upper == vec3u(1u));
-                sums[corner] += sigma_t * volume * (near.x * near.y * near.z);
-            }
-        }
+        let place = vec3u(i % PLACES, i / PLACES % PLACES, i / (PLACES * PLACES));
+        let part = (vec3f(place) + 0.5) / f32(PLACES);
+        let near = select(1.0 - part, part, upper == vec3u(1u));
+        let at = PLACES * cell_in_block + place;
+        sum += counted[(at.z * INNER + at.y) * INNER + at.x] * (near.x * near.y * near.z);
     }
-    if which < mass.count {
-        for (var corner = 0u; corner < 8u; corner++) { moments[8u * cell_index + corner] = sums[corner]; }
+    let cell = first_cell + cell_in_block;
+    if which < mass.count && all(cell <= mass.dims) {
+        let index = (cell.z * (mass.dims.y + 1u) + cell.y) * (mass.dims.x + 1u) + cell.x;
+        moments[8u * index + (lane & 7u)] = sum * (step.x * step.y * step.z);
     }
 }
 
-// Extinction at a place; cells at the border stick half out of the box.
-fn extinction_at(uvw: vec3f) -> f32 {
-    let last = vec3i(textureDimensions(macrocells)) - 1;
-    let macrocell = clamp(vec3i(floor(uvw * frame.voxels / 4.0)), vec3i(0), last);
+fn index_of(place: vec3u) -> u32 {
+    return (place.z * OUTER + place.y) * OUTER + place.x;
+}
+
+// Extinction of a place of a block, from two points in it; cells at the border stick half out of the box.
+// Opaque walls that are thinner than a place, but not than half of one, lie around one of the points.
+fn extinction_of(first_cell: vec3u, place: vec3u, step: vec3f) -> f32 {
+    let low = extinction_at(first_cell, vec3f(place) + 0.25);
+    let high = extinction_at(first_cell, vec3f(place) + 0.75);
+    let mean = 0.5 * (low.x + high.x);
+    let most = max(low.x, high.x);
+    let place_length = (step.x + step.y + step.z) / 3.0;
+    if !SEEN { return min(mean, MOST_DEPTH / (f32(PLACES) * place_length)); }
+    let is_opaque = most * place_length > 1.0;
+    let bound = max(low.y, high.y);
+    return select(mean, -select(mean, most, is_opaque), bound * reach_of(step) > SEEN_FROM);
+}
+
+// Extinction at a point, and the bound of its macrocell.
+fn extinction_at(first_cell: vec3u, place: vec3f) -> vec2f {
+    let texels = vec3f(first_cell) - 0.5 + (place - f32(REACH)) / f32(PLACES);
+    let uvw = texels / vec3f(mass.dims);
     let inside = all(uvw > vec3f(0.0)) && all(uvw < vec3f(1.0));
-    if !inside || bitcast<f32>(textureLoad(macrocells, macrocell, 0).x) <= 0.0 { return 0.0; }
-    if !keeps((uvw - 0.5) * frame.size_world) { return 0.0; }
+    if !inside || !keeps((uvw - 0.5) * frame.size_world) { return vec2f(0.0); }
+    let bound = bound_at(macrocell_at(uvw));
+    if bound <= 0.0 { return vec2f(0.0); }
     let s = s_of_texel(texel_value(uvw));
-    return sigma_t_in(piece_of(s, true), s);
+    return vec2f(sigma_t_in(piece_of(s, true), s), bound);
 }
 
-// Extinction at a place as far as light gets and is seen from outside: of matter that is opaque within a
-// texel what lies no deeper than MOST_DEPTH below its skin, whatever part of texels it fills. `step`: between
-// places of the sum.
-fn counted(uvw: vec3f, step: vec3f) -> f32 {
-    let sigma_t = extinction_at(uvw);
-    let across = (step.x + step.y + step.z) / 3.0;
-    let texel = across * f32(PLACES);
-    let depth = sigma_t * texel;
-    var seen = min(sigma_t, MOST_DEPTH / texel);
-    if SKINS && depth > MOST_DEPTH {
-        // Of the axes the one with the nearest way out within a texel; a thin wall has two skins on it.
-        var nearest = MOST_DEPTH;
-        var uncovered = 0.0;
-        var before_last = 0.0;
-        for (var way = 0u; way < 6u; way++) {
-            let axis = vec3f(vec3u(way / 2u) == vec3u(0u, 1u, 2u));
-            let onward = select(step, -step, (way & 1u) == 1u) * axis;
-            var before = 0.0;
-            for (var i = 1u; i <= PLACES; i++) {
-                if before < MOST_DEPTH {
-                    before += extinction_at(uvw + f32(i) * onward / frame.size_world) * dot(step, axis);
-                }
-            }
-            before = min(before, MOST_DEPTH);
-            if (way & 1u) == 1u && min(before, before_last) < nearest {
-                nearest = min(before, before_last);
-                uncovered = 2.0 * MOST_DEPTH - before - before_last;
-            }
-            before_last = before;
+// Extinction at a place times what is left of its light some way off, on average over directions. Along
+// each the extinction between two places is that of the first: so the place itself, however thick it is,
+// is integrated, and so is a skin that is thinner than it.
+fn seen_of(place: vec3u, sigma_t: f32, step: vec3f) -> f32 {
+    let reach = reach_of(step);
+    var seen = 0.0;
+    for (var way = 0u; way < 27u; way++) {
+        let onward = vec3i(vec3u(way % 3u, way / 3u % 3u, way / 9u)) - 1;
+        let kind = u32(dot(abs(onward), vec3i(1)));
+        let length_of_step = length(vec3f(onward) * step);
+        // From the middle of the place on.
+        let steps = reach / max(length_of_step, 1e-30) - 0.5;
+        var depth = 0.0;
+        for (var i = 1; i <= i32(REACH); i++) {
+            let part = clamp(steps - f32(i - 1), 0.0, 1.0);
+            depth += abs(extinction[index_of(vec3u(vec3i(place) + i * onward))]) * length_of_step * part;
         }
-        let skin = min(sigma_t, uncovered / across);
-        seen = mix(seen, skin, smoothstep(MOST_DEPTH, OPAQUE_DEPTH, depth));
+        let own = sigma_t * length_of_step;
+        // (1 - exp(-own)) / own, which is 1 for thin matter.
+        let through = select((1.0 - exp(-own)) / own, 1.0 - 0.5 * own, own < 1e-3);
+        if kind > 0u { seen += SHARES[kind - 1u] * sigma_t * through * exp(-depth); }
     }
     return seen;
 }

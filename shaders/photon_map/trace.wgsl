@@ -13,6 +13,9 @@
 @group(0) @binding(6) var<storage, read_write> counters: array<atomic<u32>>;
 const PHOTON_COUNTERS = 4u;
 const CUT_UNIT = 1024.0;
+// `path.weight.x` of a photon at rest that is looked at along the first of two ways; `path.weight.y`: how many
+// were open.
+const FIRST_WAY = 1.0;
 // Whether histories are kept; without them edits cannot be followed, and only costs are compared.
 override MASKS: bool = true;
 var<workgroup> group_counts: array<atomic<u32>, PHOTON_COUNTERS>;
@@ -49,11 +52,14 @@ fn trace_photons(
         // Interactions that are stale are taken out first, the last one first.
         let undoes = path.light > path.scatterings;
         var slot = base + path.light - 1u;
-        var sign = select(0, -1, undoes);
+        // Of its light so many halves come, or go.
+        var halves = select(0, -i32(histories[2u * slot + 1u].z), undoes);
         if !undoes && path.stage == AT { scatter_on(&path, photon); }
-        if !undoes && path.stage == FLIGHT + TO_BEGIN { begin_ray(&path, photon); }
-        let flies = !undoes && path.stage == FLIGHT;
-        let whole = max(box_interval(Ray(path.origin, path.direction), -0.5 * frame.size_world, 0.5 * frame.size_world), vec2f(0.0));
+        if !undoes && path.stage < AT { begin_ray(&path, photon); }
+        let flies = !undoes && (path.stage == FLIGHT || path.stage == VIEW);
+        let is_looked_at = path.stage == VIEW;
+        var whole = max(box_interval(Ray(path.origin, path.direction), -0.5 * frame.size_world, 0.5 * frame.size_world), vec2f(0.0));
+        if is_looked_at { whole.y = min(whole.y, reach_of(lattice_step(photons.dims))); }
         // Lanes that do not fly have nowhere to go (see `path_trace`).
         var flight = path;
         flight.end = select(0.0, path.end, flies);
@@ -64,31 +70,53 @@ fn trace_photons(
             let until = select(whole.y, path.t, collides);
             if MASKS { blocks |= blocks_on_way(path.origin, path.direction, whole.x, until, flies); }
             let x = path.origin + path.t * path.direction;
-            let stores = collides && keeps(x);
+            let stores = collides && !is_looked_at && keeps(x);
             slot = base + path.light;
             if stores {
-                places[slot] = vec4f(x, bitcast<f32>(path.draws));
+                places[slot] = vec4f(x, 0.0);
                 ways[slot] = vec4f(path.direction, path.throughput.x);
-                if MASKS { histories[2u * slot] = vec4u(bins_met, blocks); }
                 histories[2u * slot + 1u] = vec4u(bitcast<vec2u>(path.throughput.yz), 0u, 0u);
                 path.origin = x;
+                interactions += 1u;
+            }
+            // What has not been scattered is not the field's where it is kept apart. What may be hidden counts
+            // if it is seen from a way off.
+            let is_apart = path.light == 0u && steering(photons.direct) == 1u;
+            let is_asked = stores && !is_apart && may_be_hidden(x);
+            // First it is looked at along a way, then from the other side: of a skin one is open.
+            let is_turned = flies && is_looked_at && path.weight.x == FIRST_WAY;
+            let is_settled = flies && is_looked_at && !is_turned || stores && !is_asked;
+            if is_asked {
+                path.direction = way_to_neighbour(unit4(draw(&path, photon)));
+                path.weight.x = FIRST_WAY;
+                path.weight.y = 0.0;
+            }
+            if flies && is_looked_at { path.weight.y += select(0.0, 1.0, outcome == ESCAPE); }
+            if is_turned {
+                path.direction = -path.direction;
+                path.weight.x = 0.0;
+            }
+            if is_asked || is_turned { path.end = reach_of(lattice_step(photons.dims)); }
+            if is_settled {
+                // Taken up again from here, a photon has drawn as many numbers.
+                places[slot].w = bitcast<f32>(path.draws);
+                path.direction = ways[slot].xyz;
+                if MASKS { histories[2u * slot] = vec4u(bins_met, blocks); }
+                halves = select(select(2, i32(path.weight.y), is_looked_at), 0, is_apart);
+                histories[2u * slot + 1u].z = u32(halves);
                 path.light += 1u;
                 path.scatterings += 1u;
-                interactions += 1u;
-                sign = 1;
             }
-            let last = path.light == photons.slots;
-            if flies && (outcome == LOST || stores && last) { cut += max_of(path.throughput); }
-            path.stage = select(DONE, AT, stores && !last);
-            if flies && outcome == ESCAPE {
+            let is_last = is_settled && path.light == photons.slots;
+            if flies && !is_looked_at && outcome == LOST || is_last { cut += max_of(path.throughput); }
+            if flies && !is_looked_at && outcome == ESCAPE {
                 let left_with = bitcast<vec3u>(path.throughput);
                 ends[2u * local + 1u] = vec4u(ends[2u * local + 1u].x, left_with);
             }
+            path.stage = select(select(DONE, AT, is_settled && !is_last), VIEW + TO_BEGIN, is_asked || is_turned);
         }
-        // What has not been scattered is not the field's where it is kept apart.
-        let is_apart = slot == base && steering(photons.direct) == 1u;
         deposit(places[slot].xyz, ways[slot].xyz,
-            vec3f(ways[slot].w, bitcast<vec2f>(histories[2u * slot + 1u].xy)), select(sign, 0, is_apart));
+            0.5 * f32(abs(halves)) * vec3f(ways[slot].w, bitcast<vec2f>(histories[2u * slot + 1u].xy)), sign(halves));
         if undoes { path.light -= 1u; }
         if path.stage == DONE && path.light == path.scatterings || steps == 0u { rays = 0u; }
     }
@@ -116,6 +144,26 @@ fn trace_photons(
         let before = atomicAdd(&counters[2u * lane], amount);
         if before + amount < before { atomicAdd(&counters[2u * lane + 1u], 1u); }
     }
+}
+
+// Whether an interaction may be hidden from a way off (seen.wgsl).
+fn may_be_hidden(x: vec3f) -> bool {
+    let macrocell = macrocell_at(x / frame.size_world + 0.5);
+    bins_met |= macrocell.yz;
+    return bound_at(macrocell) * reach_of(lattice_step(photons.dims)) > SEEN_FROM;
+}
+
+// One of the ways of seen.wgsl, by its share.
+fn way_to_neighbour(u: vec4f) -> vec3f {
+    let faces = 6.0 * SHARES.x;
+    let edges = 12.0 * SHARES.y;
+    let signs = select(vec3f(-1.0), vec3f(1.0), u.yzw < vec3f(0.5));
+    // Two bits for the axis are left of numbers that were compared with one half.
+    let axis = u32(fract(2.0 * u.y) * 3.0);
+    let along = vec3f(vec3u(axis) == vec3u(0u, 1u, 2u));
+    var onward = signs;
+    if u.x < faces { onward = signs * along; } else if u.x < faces + edges { onward = signs * (1.0 - along); }
+    return normalize(onward * lattice_step(photons.dims));
 }
 
 // Blocks of 4^3 in the volume's box that a way leads through, if it is `wanted`, as a mask.

@@ -147,11 +147,12 @@ fn integrate(way: Way, from_t: f32, to_t: f32, counts: ptr<function, vec4u>) -> 
                 let albedo = albedo_at(place);
                 let material = materials[place.material];
                 var gradient = vec3f(0.0);
-                if SURFACES {
-                    if material.surface > 0.0 { gradient = gradient_at(x / frame.size_world + 0.5); }
+                if SURFACES || SKINS {
+                    if material.surface > 0.0 || SKINS { gradient = gradient_at(x / frame.size_world + 0.5); }
                 }
                 var source = vec3f(0.0);
                 if FIELD_BANDS > 0u { source = scattered_from_field(x, w_o, albedo, material, gradient); }
+                if SKINS { source *= seen_at_a_slant(w_o, albedo, material, gradient, max(part.sigma_t.x, part.sigma_t.y)); }
                 if FIELD_BANDS == 0u || DIRECT { source += scattered_radiance(x, w_o, albedo, material, gradient); }
                 if EMISSION { source += (1.0 - albedo) * emission_at(place); }
                 radiance += transmittance * (1.0 - through) * source;

@@ -14,6 +14,10 @@ override FIELD_BANDS: u32 = 0u;
 // Whether what lights bring by themselves is not in it, but in `direct_field` (direct_light/look_up.wgsl).
 override DIRECT: bool = false;
 
+// Whether there is matter that is opaque within a texel, so that texels hold the mean of what is seen of its
+// skin.
+override SKINS: bool = false;
+
 struct Field {
     // Texels of one coefficient.
     dims: vec3f,
@@ -27,6 +31,11 @@ struct Field {
     direct_nodes: vec3f,
     // 1: clipped matter blocks light.
     clip_blocks: u32,
+    // How far off matter was looked at from (photon_map/seen.wgsl), world units.
+    reach: f32,
+    pad0: f32,
+    pad1: f32,
+    pad2: f32,
 }
 
 // Below this weight nothing is known.
@@ -70,6 +79,28 @@ fn scattered_from_field(x: vec3f, w_o: vec3f, albedo: vec3f, material: Material,
     }
     // Bands that are cut off leave ripples, below 0, too.
     return max(sum, vec3f(0.0)) * select(0.0, field.scale / first.w, first.w > LEAST_WEIGHT);
+}
+
+// Optical depths between which matter comes to be a skin.
+const SKIN_DEPTHS = vec2f(2.0, 10.0);
+
+// Cosines of the ways that a flat skin was looked along, and what they counted (photon_map/seen.wgsl).
+const COSINES = vec3f(1.0, 0.70710678, 0.57735027);
+const COUNTED = vec3f(0.198, 0.451, 0.351);
+
+// What is seen of thick matter at a slant, over the mean of the ways that it was looked along, under light from
+// all around. The half-space of albedo a sends 1 - gamma H(mu) (Chandrasekhar 1960), which is in proportion to
+// 1 / (1 + 2 gamma mu) with H as (1 + 2 mu) / (1 + 2 gamma mu) (Hapke 1981), gamma^2 = (1 - a) / (1 - a g). Light
+// that a surface reflects is not scattered in the skin again: gamma = 1.
+fn seen_at_a_slant(w_o: vec3f, albedo: vec3f, material: Material, gradient: vec3f, sigma_t: f32) -> vec3f {
+    let steepness = length(gradient);
+    let slant = abs(dot(gradient, w_o)) / max(steepness, 1e-20);
+    let inside = sqrt(max(1.0 - albedo, vec3f(0.0)) / max(1.0 - albedo * band_of(material, 1u), vec3f(1e-6)));
+    let gamma = 2.0 * mix(inside, vec3f(1.0), material.surface);
+    let mean = COUNTED.x / (1.0 + gamma * COSINES.x) + COUNTED.y / (1.0 + gamma * COSINES.y)
+        + COUNTED.z / (1.0 + gamma * COSINES.z);
+    let is_skin = smoothstep(SKIN_DEPTHS.x, SKIN_DEPTHS.y, sigma_t * field.reach);
+    return mix(vec3f(1.0), 1.0 / ((1.0 + gamma * slant) * mean), select(0.0, is_skin, steepness > 0.0));
 }
 
 fn coefficient(at: vec3f, k: u32) -> vec3f {

@@ -34,6 +34,8 @@ pub struct Variant {
     /// Parts in which matter beside a place is looked at, if what lights bring by themselves stands
     /// beside the field, else 0; `DIRECT` and `NEAR_PARTS` in the shader.
     pub near_parts: Option<u32>,
+    /// Whether its texels hold means of what is seen of skins; `SKINS` in the shader.
+    pub skins: bool,
     /// Whether an image lies behind the volume; `ENVIRONMENT_IMAGE` in the shader.
     pub image_behind: bool,
     /// What the scene uses.
@@ -76,6 +78,7 @@ impl Variant {
             keep_segments: false,
             field_bands: field.map_or(0, |field| field.bands),
             near_parts: field.and_then(LightField::near_parts),
+            skins: field.is_some_and(LightField::has_skins),
             image_behind: matches!(scene.background, Background::Image { .. }),
             features: if scene.rendering.is_lit() { Features::of(scene) } else { Features::default() },
         }
@@ -182,6 +185,7 @@ impl RayCaster {
             constants.push(("QUADS", f64::from(u8::from(variant.quads))));
             constants.push(("FIELD_BANDS", f64::from(variant.field_bands)));
             constants.push(("DIRECT", f64::from(u8::from(variant.near_parts.is_some()))));
+            constants.push(("SKINS", f64::from(u8::from(variant.skins))));
             constants.push(("NEAR_PARTS", f64::from(variant.near_parts.unwrap_or(0))));
             constants.push(("ENVIRONMENT_IMAGE", f64::from(u8::from(variant.image_behind))));
             constants.push(("KEEP_SEGMENTS", f64::from(u8::from(variant.keep_segments))));

@@ -120,6 +120,7 @@ pub const TRACE_PHOTONS: &str = parts!(
     "shared/onward.wgsl",
     "shared/sh.wgsl",
     "photon_map/history.wgsl",
+    "photon_map/seen.wgsl",
     "photon_map/deposit.wgsl",
     "photon_map/trace.wgsl",
 );
@@ -145,8 +146,13 @@ pub const TAKE_UP: &str = parts!(
 );
 
 /// `add_up_mass`.
-pub const ADD_UP_MASS: &str =
-    parts!("shared/frame.wgsl", "shared/medium.wgsl", "shared/place.wgsl", "photon_map/mass.wgsl");
+pub const ADD_UP_MASS: &str = parts!(
+    "shared/frame.wgsl",
+    "shared/medium.wgsl",
+    "shared/place.wgsl",
+    "photon_map/seen.wgsl",
+    "photon_map/mass.wgsl"
+);
 
 /// `fill_field`.
 pub const FILL_FIELD: &str = parts!("photon_map/fill.wgsl");

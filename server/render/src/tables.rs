@@ -3,13 +3,14 @@
 use std::f64::consts::PI;
 
 use glam::DVec3;
-use proto::scene_file::{Brdf, Phase};
+use proto::scene_file::{Brdf, Method, Phase};
 use scene::Scene;
 use scene::light::{Light, LightGeometry};
 use scene::scattering::{ambient_reflectance, blinn_phong_normalisation};
 use scene::spherical::sh;
 use scene::transfer_function::TransferFunction;
 
+use crate::direct_light::in_parts;
 use crate::uniforms;
 
 /// Cells of the extinction table over `s`; equals `TF_CELLS` in shaders/shared/medium.wgsl.
@@ -208,13 +209,23 @@ pub fn lights(scene: &Scene) -> Vec<uniforms::Light> {
     let in_slots = by_slot(scene);
     let slot = |id: &str| in_slots.iter().position(|light| light.id == id).unwrap_or(0) as u32;
     let with_slot = |of: &Light| light(of).map(|table| uniforms::Light { slot: slot(&of.id), ..table });
-    scene.lights.iter().filter_map(with_slot).collect()
+    of_table(scene).iter().filter_map(with_slot).collect()
+}
+
+/// Lights of the table, in the scene's order: those with an extent in parts, where nodes hold what each
+/// part brings.
+fn of_table(scene: &Scene) -> Vec<Light> {
+    let lights = scene.lights.iter().filter(|light| is_in_light_table(light)).cloned().collect();
+    match scene.illumination.method {
+        Method::PhotonMap | Method::ImageBased => in_parts(scene, lights),
+        _ => lights,
+    }
 }
 
 /// Lights of the table of [`lights`] as fields of direct light hold them: in the order of their names, so
 /// that another order of lights is the same field.
-pub fn by_slot(scene: &Scene) -> Vec<&Light> {
-    let mut lights: Vec<&Light> = scene.lights.iter().filter(|light| is_in_light_table(light)).collect();
+pub fn by_slot(scene: &Scene) -> Vec<Light> {
+    let mut lights = of_table(scene);
     lights.sort_by(|a, b| a.id.cmp(&b.id));
     lights
 }

@@ -85,6 +85,8 @@ pub struct Field {
     pub near: f32,
     pub direct_nodes: [f32; 3],
     pub clip_blocks: u32,
+    pub reach: f32,
+    pub pad: [f32; 3],
 }
 
 /// `DirectRun` of shaders/direct_light/march.wgsl.

@@ -19,7 +19,7 @@ const SAMPLES: u32 = 4;
 const WIDTH: u32 = 40;
 const HEIGHT: u32 = 28;
 
-/// A dense ball in thin haze.
+/// A dense ball in thin haze. (Its light is rough in what follows, so that there is something to refine.)
 fn ball() -> Arc<PreparedVolume> {
     let voxel = |i: usize| {
         let [x, y, z] = [i % 16, i / 16 % 16, i / 256].map(|v| v as f64 - 7.5);
@@ -36,7 +36,7 @@ fn snapshot(volume: &Arc<PreparedVolume>, patches: &[Value], epoch: u32) -> Arc<
         "lights": [{"id": "sun", "type": "directional", "direction": [0.3, -0.8, -0.6], "irradiance": [3, 3, 3]},
             {"id": "sky", "type": "environment", "radiance": [0.3, 0.4, 0.5]}],
         "sampling": {"samples_per_pixel": SAMPLES},
-        "illumination": {"method": "photon_map", "photons": 8192, "photon_grid": 8, "refine": true}});
+        "illumination": {"method": "photon_map", "photons": 2048, "photon_grid": 5, "refine": true}});
     patches.iter().for_each(|patch| json_patch::merge(&mut file, patch));
     let scene = Scene::new(&SceneFile::from_value(file).unwrap(), volume.clone()).unwrap();
     Arc::new(Snapshot { epoch, scene })
@@ -90,7 +90,9 @@ fn the_error_falls_below_that_of_light_and_of_paths_and_is_told() {
         assert!((0.75..1.3).contains(&(told.hypot(noise) / refined)), "{paths}: {told} {refined}");
         before = refined;
     }
-    assert!(before < 0.4 * of_light, "{before} {of_light}");
+    // Without the noise of what both are compared with.
+    let [refined, of_light] = [before, of_light].map(|error| (error * error - noise * noise).sqrt());
+    assert!(refined < 0.4 * of_light, "{refined} {of_light}");
 }
 
 #[test]

@@ -131,13 +131,13 @@ const PHOTON_MAP: Entry = Entry {
             true,
         ),
         photons(
-            "1 M photons, 48 texels",
-            r#"{"illumination": {"photons": 1048576, "photon_grid": 48}}"#,
+            "1 M photons of 16 events, 48 texels",
+            r#"{"illumination": {"photons": 1048576, "photon_events": 16, "photon_grid": 48}}"#,
             false,
         ),
         photons(
-            "4 M photons, 64 texels",
-            r#"{"illumination": {"photons": 4194304, "photon_grid": 64}}"#,
+            "4 M photons of 16 events, 64 texels",
+            r#"{"illumination": {"photons": 4194304, "photon_events": 16, "photon_grid": 64}}"#,
             false,
         ),
         photons(

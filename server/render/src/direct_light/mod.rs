@@ -1,6 +1,7 @@
 //! How much of each light reaches places in the volume, looked up by marching the extinction: for light
 //! fields that keep what lights bring by themselves apart (shaders/direct_light/README.md).
 
+mod parts;
 mod passes;
 mod stale;
 #[cfg(test)]
@@ -22,6 +23,7 @@ use crate::illumination::Inputs;
 use crate::light_field::{self, Direct};
 use crate::tables;
 use crate::uniforms::{DirectRun, FrameUniform};
+pub(crate) use parts::in_parts;
 pub(crate) use passes::Passes;
 use passes::{Bound, COUNTER_BYTES, COUNTERS};
 use stale::{Todo, todo};
@@ -252,9 +254,7 @@ impl Kept {
                 let what = match base {
                     None => Todo::Cast,
                     Some(base) if Arc::ptr_eq(base, snapshot) => Todo::Keep,
-                    Some(base) => {
-                        todo(&base.scene, scene, tables::by_slot(&base.scene).get(slot).copied(), light)
-                    }
+                    Some(base) => todo(&base.scene, scene, tables::by_slot(&base.scene).get(slot), &light),
                 };
                 if what == Todo::Keep {
                     *base = Some(snapshot.clone());
@@ -277,7 +277,7 @@ impl Kept {
                     first,
                     count,
                     tests: u32::from(what != Todo::Cast),
-                    ..run_of(light)
+                    ..run_of(&light)
                 };
                 gpu.queue.write_buffer(&self.run, 0, bytemuck::bytes_of(&run));
                 let bound = Bound {

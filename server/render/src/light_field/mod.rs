@@ -30,6 +30,9 @@ pub(crate) struct LightField {
     /// What lights bring by themselves, kept apart; `None`: it is in the field.
     direct: Option<Direct>,
     scale: f32,
+    /// How far off skins of matter that is opaque within a texel were looked at from, world units; 0: there
+    /// is no such matter, or texels do not hold means of skins.
+    reach: f32,
     /// Whether a place takes the texel it lies in, instead of interpolating between texels.
     pub nearest: bool,
     /// `Field` of the shader.
@@ -121,6 +124,7 @@ impl LightField {
             view,
             direct: None,
             scale: 1.0,
+            reach: 0.0,
             nearest: false,
             uniform,
             gpu: gpu.clone(),
@@ -158,10 +162,24 @@ impl LightField {
         self.write_uniform();
     }
 
+    /// Whether texels hold means of what is seen of skins.
+    pub fn has_skins(&self) -> bool {
+        self.reach > 0.0
+    }
+
+    /// From now on texels hold means of what is seen of skins from so far off, world units; 0: they do not.
+    pub fn set_reach(&mut self, reach: f32) {
+        if self.reach != reach {
+            self.reach = reach;
+            self.write_uniform();
+        }
+    }
+
     fn write_uniform(&self) {
         let mut uniform = uniforms::Field {
             dims: self.dims.map(|n| n as f32),
             scale: self.scale,
+            reach: self.reach,
             ..uniforms::Field::default()
         };
         if let Some(direct) = &self.direct {

@@ -1,6 +1,6 @@
 //! The light field of a photon map: the extinction around its texels, and light sums over it.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use scene::{Changes, Scene, Snapshot};
@@ -18,15 +18,36 @@ const BRICK_EDGE: u32 = 4;
 const MACROCELL_EDGE: f64 = 4.0;
 /// Of a coefficient red, green and blue, 64 bits each.
 const SUM_BYTES: u64 = 24;
-/// `MOST_DEPTH` of shaders/photon_map/mass.wgsl.
+/// `REACH` over `PLACES` of shaders/photon_map/seen.wgsl, and `SEEN_FROM`.
+const REACH: f64 = 4.0 / 3.0;
+const SEEN_FROM: f64 = 0.5;
+/// Of opaque matter about so much counts in a texel: optical depth.
 const MOST_DEPTH: f64 = 2.0;
-/// How far from a place the same shader looks at matter: texels.
-const HIDING_TEXELS: f64 = 1.0;
+/// How far from a place shaders/photon_map/mass.wgsl looks at matter, at most: texels.
+const REACH_TEXELS: f64 = 1.5;
+/// Cells along an axis of what a workgroup of that shader adds up.
+const BLOCK_EDGE: u32 = 2;
 /// Eight sums of extinction a cell, f32.
 const MOMENT_BYTES: u64 = 32;
-const WORKGROUP: u32 = 64;
 /// Most workgroups along an axis of a dispatch.
 const MAX_GROUPS: u32 = 65_535;
+
+/// Largest extinction, per world unit.
+fn densest(scene: &Scene) -> f64 {
+    scene.transfer_function.points.iter().map(|point| point.sigma_t).fold(0.0, f64::max)
+}
+
+/// Blocks of cells, by their index, that hold any of these cells between texel centres.
+pub(crate) fn blocks_with(dims: [u32; 3], cells: &[u32]) -> Vec<u32> {
+    let across = dims.map(|n| (n + 1).div_ceil(BLOCK_EDGE));
+    let block_of = |&cell: &u32| {
+        let (width, height) = (dims[0] + 1, dims[1] + 1);
+        let block = [cell % width, cell / width % height, cell / (width * height)].map(|n| n / BLOCK_EDGE);
+        (block[2] * across[1] + block[1]) * across[0] + block[0]
+    };
+    let blocks: BTreeSet<u32> = cells.iter().map(block_of).collect();
+    blocks.into_iter().collect()
+}
 
 pub(super) struct FieldOfPhotons {
     pub light: LightField,
@@ -110,6 +131,7 @@ impl FieldOfPhotons {
             }
         };
         self.mass_of = Some(inputs.snapshot.clone());
+        self.light.set_reach(self.reach_of(scene));
         if cells.is_empty() {
             return Ok(false);
         }
@@ -118,10 +140,11 @@ impl FieldOfPhotons {
             return Err(RenderError::Gpu("a table of the view is missing".into()));
         };
         self.touch_around(gpu, &cells)?;
+        let blocks = blocks_with(self.light.dims, &cells);
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
-        let list = gpu.buffer("cells to be added up", 4 * cells.len() as u64, usage)?;
-        gpu.queue.write_buffer(&list, 0, bytemuck::cast_slice(&cells));
-        let uniform = Mass { dims: self.light.dims, count: cells.len() as u32 };
+        let list = gpu.buffer("blocks to be added up", 4 * blocks.len() as u64, usage)?;
+        gpu.queue.write_buffer(&list, 0, bytemuck::cast_slice(&blocks));
+        let uniform = Mass { dims: self.light.dims, count: blocks.len() as u32 };
         gpu.queue.write_buffer(&self.mass_uniform, 0, bytemuck::bytes_of(&uniform));
         let frame = crate::frame::scene_uniform(scene, inputs.texture);
         gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&frame));
@@ -143,7 +166,7 @@ impl FieldOfPhotons {
                 buffer_entry(15, &list),
             ],
         });
-        let groups = (cells.len() as u32).div_ceil(WORKGROUP);
+        let groups = blocks.len() as u32;
         let columns = groups.min(MAX_GROUPS);
         gpu.dispatch(&pipelines.mass(scene.filter, true), &bind_group, [columns, groups.div_ceil(columns)]);
         gpu.wait()?;
@@ -164,8 +187,8 @@ impl FieldOfPhotons {
             // In texels, from the lower edge of the box; cell i spans i - 1/2 .. i + 1/2.
             let range = |axis: usize| {
                 let texels = f64::from(dims[axis]) / scene.grid.dims[axis] as f64;
-                let low = cell[axis] as f64 * MACROCELL_EDGE * texels - HIDING_TEXELS;
-                let high = low + MACROCELL_EDGE * texels + 2.0 * HIDING_TEXELS;
+                let low = cell[axis] as f64 * MACROCELL_EDGE * texels - REACH_TEXELS;
+                let high = low + MACROCELL_EDGE * texels + 2.0 * REACH_TEXELS;
                 let first = (low + 0.5 - 1e-6).floor().max(0.0) as usize;
                 let last = ((high + 0.5 + 1e-6).floor().max(0.0) as usize).min(across[axis] - 1);
                 first..=last
@@ -202,13 +225,19 @@ impl FieldOfPhotons {
         Ok(())
     }
 
+    /// How far off matter is looked at from, world units; 0: none is so dense that this makes a difference.
+    fn reach_of(&self, scene: &Scene) -> f32 {
+        let edges = (0..3).map(|axis| scene.grid.size_world[axis] / f64::from(self.light.dims[axis]));
+        let reach = REACH * edges.sum::<f64>() / 3.0;
+        if densest(scene) * reach > SEEN_FROM { reach as f32 } else { 0.0 }
+    }
+
     /// A power of two, which changes no digit, that brings the largest extinction around a texel to
     /// about 1.
     fn weight_of_mass(&self, scene: &Scene) -> f32 {
         let [x, y, z] = [0, 1, 2].map(|axis| scene.grid.size_world[axis] / f64::from(self.light.dims[axis]));
-        let densest = scene.transfer_function.points.iter().map(|point| point.sigma_t).fold(0.0, f64::max);
-        // As the shader cuts it.
-        let counted = densest.min(MOST_DEPTH * 3.0 / (x + y + z));
+        // As about as much is seen.
+        let counted = densest(scene).min(MOST_DEPTH * 3.0 / (x + y + z));
         let largest = counted * x * y * z;
         if largest > 1e-30 { (-largest.log2().round()).exp2() as f32 } else { 1.0 }
     }

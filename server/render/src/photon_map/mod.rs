@@ -17,15 +17,17 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use scene::scene::Snapshot;
+use scene::spherical::sh;
 use scene::{Light, Scene};
 
 use crate::direct_light::DirectLight;
 use crate::error::RenderError;
 use crate::gpu::Gpu;
 use crate::illumination::{Inputs, Progress};
-use crate::light_field::LightField;
+use crate::light_field::{self, LightField};
 use crate::tables;
 use field::FieldOfPhotons;
+pub(crate) use field::blocks_with;
 use lights::{InFlight, Left, LightPhotons};
 pub(crate) use pipelines::PhotonPipelines;
 pub use pipelines::PhotonTrial;
@@ -37,6 +39,10 @@ const MAX_BYTES_SOFTWARE: u64 = 2 << 30;
 /// Photons that are looked at, of all lights together, for what edits make stale: a share is known to
 /// 0.2 % (one standard error), and 2 MiB are read back.
 const PHOTONS_LOOKED_AT: u32 = 65_536;
+
+/// Share of a band of light from one direction, scattered twice, that may be cut off.
+const CUT_OFF: f64 = 0.05;
+const BANDS_OF_A_COSINE: u32 = 3;
 
 /// What a map is laid out for: another layout is another map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -65,13 +71,31 @@ impl Layout {
         Self {
             photons: settings.photons,
             slots,
-            dims: crate::light_field::dims(scene, settings.photon_grid),
-            bands: crate::light_field::bands_of(scene, settings.photon_bands),
+            dims: light_field::dims(scene, settings.photon_grid),
+            bands: bands_of(scene),
             nearest: scene.filter == Filter::Nearest,
             volume: scene.volume.content,
             size_world: scene.grid.size_world.to_array().map(f64::to_bits),
         }
     }
+}
+
+/// Bands of the field: those that were asked for, or so many that of twice scattered light hardly
+/// anything is cut off, for what is cut off rings. Surfaces see a cosine of light, whose bands are three.
+fn bands_of(scene: &Scene) -> u32 {
+    let asked = scene.illumination.photon_bands;
+    let needed = |point: &scene::transfer_function::Point| {
+        let material = &scene.materials[point.material];
+        let factors = sh::phase_bands(&material.phase);
+        let last = factors.iter().rposition(|factor| factor * factor > CUT_OFF).unwrap_or(0) as u32 + 1;
+        let least = if material.surface > 0.0 { BANDS_OF_A_COSINE } else { 2 };
+        last.max(least)
+    };
+    let most = match asked {
+        0 => scene.transfer_function.points.iter().map(needed).max().unwrap_or(1),
+        _ => asked,
+    };
+    light_field::bands_of(scene, most)
 }
 
 /// The photon map of a session.

@@ -220,11 +220,11 @@ impl PhotonPipelines {
         self.takes_up.get(has_image, || self.take_up.compile(&self.gpu, &constants))
     }
 
-    /// `skins`: of opaque matter what light gets to from all around counts, and no more than that.
-    pub fn mass(&self, filter: Filter, skins: bool) -> wgpu::ComputePipeline {
+    /// `seen`: matter counts as far as it is seen.
+    pub fn mass(&self, filter: Filter, seen: bool) -> wgpu::ComputePipeline {
         let nearest = filter == Filter::Nearest;
-        let constants = [("FILTER", if nearest { 2.0 } else { 1.0 }), ("SKINS", f64::from(u8::from(skins)))];
-        self.masses.get((nearest, skins), || self.mass.compile(&self.gpu, &constants))
+        let constants = [("FILTER", if nearest { 2.0 } else { 1.0 }), ("SEEN", f64::from(u8::from(seen)))];
+        self.masses.get((nearest, seen), || self.mass.compile(&self.gpu, &constants))
     }
 
     pub fn fill(&self, bands: u32) -> wgpu::ComputePipeline {

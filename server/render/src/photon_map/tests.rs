@@ -179,6 +179,22 @@ fn wall(edge: usize) -> Arc<PreparedVolume> {
     Arc::new(PreparedVolume::new(scene::Volume::new([edge; 3], scene::Voxels::U8(voxels)), &|_| {}))
 }
 
+/// As many bands as matter asks for, or as the scene does.
+#[test]
+fn bands_follow_phase_functions_and_surfaces() {
+    let volume = balls(8);
+    let bands = |material: Value, asked: u32| {
+        let points = json!({"points": [{"s": 0, "extinction": 1, "material": "m"}]});
+        let scene = json!({"materials": {"m": material}, "transfer_function": points,
+            "illumination": {"photon_bands": asked}});
+        super::bands_of(&snapshot(&volume, &[scene], 1).scene)
+    };
+    let forward = |g: f64| json!({"phase": {"type": "henyey_greenstein", "g": g}});
+    assert_eq!([0.1, 0.5, -0.5, 0.7, 0.8, 0.95].map(|g| bands(forward(g), 0)), [2, 3, 3, 5, 6, 6]);
+    assert_eq!((bands(json!({}), 0), bands(json!({"surface": 0.2}), 0)), (1, 3));
+    assert_eq!((bands(json!({}), 4), bands(forward(0.8), 2)), (1, 2));
+}
+
 fn edits() -> Vec<(&'static str, Value)> {
     let points = |scale: f64, red: f64| {
         json!({"transfer_function": {"points": [
@@ -273,34 +289,52 @@ fn edits_leave_what_a_new_map_would_be() {
 /// Without any one of its remedies the map is wrong after some edit, and the comparison finds it.
 #[test]
 fn every_remedy_is_needed() {
+    let history = "histories[2u * slot] = vec4u(bins_met, blocks);";
     let mutants = [
-        (
-            "bins that a free flight met",
-            true,
-            "histories[2u * slot] = vec4u(bins_met, blocks);",
-            "bins_met = vec2u(0u); histories[2u * slot] = vec4u(bins_met, blocks);",
-        ),
+        ("bins that a free flight met", true, history, &*format!("bins_met = vec2u(0u); {history}")),
         (
             "what a photon that left relied on",
             true,
             "ends[2u * local] = vec4u(bins_met, blocks);",
             "if path.light > 0u { ends[2u * local] = histories[2u * (local * photons.slots + path.light - 1u)]; } else { ends[2u * local] = vec4u(0u); }",
         ),
+        (
+            "what hides an interaction",
+            true,
+            history,
+            "if !is_looked_at { before_it = vec4u(bins_met, blocks); } histories[2u * slot] = before_it;",
+        ),
         ("blocks", true, "blocks |= blocks_on_way(path.origin, path.direction, whole.x, until, flies);", ""),
         ("going back to the last valid interaction", false, "{ valid = i; }", "{ valid = i + 1u; }"),
-        ("taking out what was there", true, "var sign = select(0, -1, undoes);", "var sign = 0;"),
+        (
+            "taking out what was there",
+            true,
+            "var halves = select(0, -i32(histories[2u * slot + 1u].z), undoes);",
+            "var halves = 0;",
+        ),
         (
             "random numbers drawn so far",
             false,
             "path.draws = bitcast<u32>(places[slot].w);",
             "path.draws = 0u;",
         ),
+        (
+            "random numbers drawn while looking",
+            true,
+            "places[slot].w = bitcast<f32>(path.draws);",
+            "if !is_looked_at { places[slot].w = bitcast<f32>(path.draws); }",
+        ),
     ];
     let gpu = renderer().gpu().clone();
     for (what, in_trace, original, broken) in mutants {
         let source = if in_trace { shaders::TRACE_PHOTONS } else { shaders::TAKE_UP };
         assert!(source.contains(original), "{what}: the shader has not `{original}`");
-        let mutant = source.replacen(original, broken, 1);
+        // What `before_it` is set to when an interaction is stored is what was relied on before it was looked at.
+        let mutant = source.replacen(original, broken, 1).replacen(
+            "if is_asked {",
+            "if is_asked { before_it = vec4u(bins_met, blocks);",
+            usize::from(broken.contains("before_it")),
+        ) + "\nvar<private> before_it: vec4u;\n";
         let (trace, take_up) = match in_trace {
             true => (mutant.into(), shaders::TAKE_UP.into()),
             false => (shaders::TRACE_PHOTONS.into(), mutant.into()),

@@ -4,13 +4,13 @@
 use crate::error::RenderError;
 use crate::gpu::{buffer_entry, texture_entry};
 use crate::illumination::Inputs;
+use crate::photon_map::blocks_with;
 use crate::uniforms;
 
 /// No row: as in shaders/precomputed_transfer/.
 const NO_ROW: u32 = u32::MAX;
 /// Eight sums of extinction a cell, f32.
 const MOMENTS: usize = 8;
-const WORKGROUP: u32 = 64;
 /// Most workgroups along an axis of a dispatch.
 const MAX_GROUPS: u32 = 65_535;
 
@@ -35,11 +35,12 @@ impl Mass {
             wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
         let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         let cells: Vec<u32> = (0..dims.iter().map(|&n| n + 1).product()).collect();
+        let blocks = blocks_with(dims, &cells);
         let moments_bytes = (4 * MOMENTS * cells.len()) as u64;
         let moments = gpu.buffer("extinction around texels", moments_bytes, storage)?;
-        let list = gpu.buffer("cells to be added up", 4 * cells.len() as u64, storage)?;
-        gpu.queue.write_buffer(&list, 0, bytemuck::cast_slice(&cells));
-        let settings = uniforms::Mass { dims, count: cells.len() as u32 };
+        let list = gpu.buffer("blocks to be added up", 4 * blocks.len() as u64, storage)?;
+        gpu.queue.write_buffer(&list, 0, bytemuck::cast_slice(&blocks));
+        let settings = uniforms::Mass { dims, count: blocks.len() as u32 };
         let mass = gpu.buffer("mass", std::mem::size_of::<uniforms::Mass>() as u64, uniform)?;
         gpu.queue.write_buffer(&mass, 0, bytemuck::bytes_of(&settings));
         let frame = gpu.buffer("frame", std::mem::size_of::<uniforms::FrameUniform>() as u64, uniform)?;
@@ -63,7 +64,7 @@ impl Mass {
                 buffer_entry(15, &list),
             ],
         });
-        let groups = (cells.len() as u32).div_ceil(WORKGROUP);
+        let groups = blocks.len() as u32;
         let columns = groups.min(MAX_GROUPS);
         // Beams light skins from one side.
         gpu.dispatch(&pipelines.mass(scene.filter, false), &bind_group, [columns, groups.div_ceil(columns)]);
