@@ -17,7 +17,9 @@ pub const RAY_CAST: &str = parts!(
     "shared/light.wgsl",
     "shared/environment.wgsl",
     "shared/sh.wgsl",
+    "shared/field.wgsl",
     "shared/light_field.wgsl",
+    "direct_light/nodes.wgsl",
     "direct_light/look_up.wgsl",
     "local/local.wgsl",
     "ray_cast/way.wgsl",
@@ -102,6 +104,29 @@ pub const PROJECT_RECORDS: &str = parts!(
     "shared/sh.wgsl",
     "image_based/records.wgsl",
     "image_based/project_records.wgsl",
+);
+
+/// `scatter_records`: what cells of records scatter on.
+pub const SCATTER_RECORDS: &str = parts!(
+    "shared/features.wgsl",
+    "shared/frame.wgsl",
+    "shared/medium.wgsl",
+    "shared/phase.wgsl",
+    "shared/light.wgsl",
+    "shared/sh.wgsl",
+    "shared/field.wgsl",
+    "direct_light/nodes.wgsl",
+    "convection_diffusion/grid.wgsl",
+    "image_based/scatter_records.wgsl",
+);
+
+/// `receive_records`: what records receive of it.
+pub const RECEIVE_RECORDS: &str = parts!(
+    "shared/frame.wgsl",
+    "shared/ray.wgsl",
+    "shared/sh.wgsl",
+    "image_based/records.wgsl",
+    "image_based/receive_records.wgsl",
 );
 
 /// `trace_photons`: method `photon_map`.
@@ -293,6 +318,8 @@ pub const ALL: &[(&str, &str)] = &[
     ("march_direct", MARCH_DIRECT),
     ("march_records", MARCH_RECORDS),
     ("project_records", PROJECT_RECORDS),
+    ("scatter_records", SCATTER_RECORDS),
+    ("receive_records", RECEIVE_RECORDS),
     ("differ", DIFFER),
     ("split", SPLIT),
     ("take_over", TAKE_OVER),

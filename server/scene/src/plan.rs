@@ -7,6 +7,7 @@ use proto::plan::PassReport;
 use proto::scene_file::{Method, RecordForm};
 
 use crate::changes::Changes;
+use crate::records::Records;
 use crate::rendering::Rendering;
 use crate::scene::{Integrator, Scene};
 
@@ -429,7 +430,11 @@ pub fn changes_of_light(old: &Scene, new: &Scene) -> Changes {
     let changes = Changes::between(old, new);
     // Clipped matter that blocks light all the same makes no difference to light that is not scattered
     // twice.
-    let scatters_on = |scene: &Scene| matches!(scene.method, Method::PhotonMap | Method::PrecomputedTransfer);
+    let scatters_on = |scene: &Scene| match scene.method {
+        Method::PhotonMap | Method::PrecomputedTransfer | Method::ConvectionDiffusion => true,
+        Method::ImageBased => Records::of(scene).exchanges > 0,
+        Method::Local | Method::PathTraced => false,
+    };
     let clips = |scene: &Scene| !scene.clip.shadows || scatters_on(scene);
     Changes {
         bins: changes.bins & new.volume.macrocells.occurring(new.filter),

@@ -227,6 +227,16 @@ const IMAGE_BASED: Entry = Entry {
             false,
         ),
         light(
+            "32 records, 4 exchanges",
+            r#"{"illumination": {"records": 32, "record_exchange": 4}}"#,
+            false,
+        ),
+        light(
+            "32 records, 16 exchanges",
+            r#"{"illumination": {"records": 32, "record_exchange": 16}}"#,
+            false,
+        ),
+        light(
             "as published, 32 records, 48 directions",
             r#"{"illumination": {"records": 32, "record_form": "static", "record_lookup": "containing"}}"#,
             false,

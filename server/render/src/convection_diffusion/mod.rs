@@ -6,11 +6,11 @@ mod field;
 mod passes;
 mod settings;
 mod stale;
-mod sweep;
+pub(crate) mod sweep;
 #[cfg(test)]
 #[allow(clippy::unwrap_used, clippy::expect_used)]
 mod tests;
-mod transport;
+pub(crate) mod transport;
 mod upwind;
 
 pub(crate) use field::{ConvectionDiffusion, Pipelines};

@@ -139,7 +139,10 @@ impl Arriving {
         let products = (0..count).flat_map(|k| pixels.iter().map(move |pixel| texel(k, pixel))).collect();
         let mut fluence: f64 = pixels.iter().map(|pixel| pixel.light[0]).sum::<DVec3>().max_element();
         fluence *= (4.0 * PI).sqrt();
-        fluence += lights.iter().map(|light| largest_irradiance(light, scene)).sum::<f64>();
+        // Scattered light is that of all lights.
+        let scattered = |light: &&Light| settings.exchanges > 0 || has_own_ray(light, form);
+        let near = scene.lights.iter().filter(|light| !light.is_environment()).filter(scattered);
+        fluence += near.map(|light| largest_irradiance(light, scene)).sum::<f64>();
         let glow = scene.transfer_function.points.iter().map(|point| point.emission.max_element());
         fluence += 4.0 * PI * glow.fold(0.0, f64::max);
         // A power of two, so that it changes no digit of a coefficient.
