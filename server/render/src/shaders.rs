@@ -250,7 +250,11 @@ pub const DIFFUSE: &str = parts!(
 );
 
 /// `p1_matter`.
-pub const P1_MATTER: &str = parts!("convection_diffusion/grid.wgsl", "convection_diffusion/p1.wgsl");
+pub const P1_MATTER: &str = parts!(
+    "convection_diffusion/grid.wgsl",
+    "convection_diffusion/faces.wgsl",
+    "convection_diffusion/p1.wgsl",
+);
 
 macro_rules! with_direct_light {
     ($($path:literal),+ $(,)?) => {
@@ -268,7 +272,8 @@ macro_rules! with_direct_light {
 }
 
 /// `p1_source`.
-pub const P1_SOURCE: &str = with_direct_light!("convection_diffusion/source.wgsl");
+pub const P1_SOURCE: &str =
+    with_direct_light!("convection_diffusion/faces.wgsl", "convection_diffusion/source.wgsl");
 
 /// `heat_matter`.
 pub const HEAT_MATTER: &str = with_direct_light!("convection_diffusion/heat.wgsl");

@@ -343,7 +343,7 @@ pub struct Level {
 }
 
 /// Most lights a light grid takes; as in shaders/convection_diffusion/direct.wgsl.
-pub const MAX_FIELD_LIGHTS: usize = 16;
+pub const MAX_FIELD_LIGHTS: usize = 64;
 
 /// `Sources` of shaders/convection_diffusion/direct.wgsl.
 #[repr(C)]
@@ -356,7 +356,8 @@ pub struct Sources {
     pub pad0: u32,
     pub pad1: u32,
     pub pad2: u32,
-    pub slots: [[u32; 4]; MAX_FIELD_LIGHTS],
+    pub outside: [[f32; 4]; 6],
+    pub slots: [[u32; 4]; MAX_FIELD_LIGHTS / 4],
 }
 
 /// `Compose` of shaders/convection_diffusion/compose.wgsl.

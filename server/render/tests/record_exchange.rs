@@ -19,7 +19,12 @@ use serde_json::{Value, json};
 /// Pixels of a picture.
 const SIZE: [u32; 2] = [16, 12];
 
-fn scene(volume: &Arc<PreparedVolume>, rounds: u32, [sigma_t, albedo]: [f64; 2], patch: Value) -> Arc<Snapshot> {
+fn scene(
+    volume: &Arc<PreparedVolume>,
+    rounds: u32,
+    [sigma_t, albedo]: [f64; 2],
+    patch: Value,
+) -> Arc<Snapshot> {
     let mut file = json!({"value_range": [0, 255],
         "illumination": {"method": "image_based", "records": 16, "record_exchange": rounds},
         "transfer_function": {"points": [{"s": 0.0, "extinction": 0, "albedo": [albedo, albedo, albedo], "material": "m"},
@@ -70,9 +75,11 @@ fn blobs() -> Arc<PreparedVolume> {
 #[test]
 fn white_furnace() {
     let forward = json!({"materials": {"m": {"phase": {"type": "henyey_greenstein", "g": 0.5}}}});
-    for (name, volume, patch) in
-        [("cube", homogeneous([16; 3]), json!({})), ("blobs", blobs(), json!({})), ("forward", blobs(), forward)]
-    {
+    for (name, volume, patch) in [
+        ("cube", homogeneous([16; 3]), json!({})),
+        ("blobs", blobs(), json!({})),
+        ("forward", blobs(), forward),
+    ] {
         let off = |rounds| {
             let mut all = json!({"background": [1, 1, 1]});
             json_merge(&mut all, patch.clone());

@@ -688,7 +688,7 @@ mod tests {
     use std::sync::Arc;
 
     use proto::scene_file::{Builtin, SceneFile, VolumeSource};
-    use serde_json::json;
+    use serde_json::{Value, json};
 
     use super::*;
     use crate::prepared::PreparedVolume;
@@ -773,6 +773,27 @@ mod tests {
             "irradiance": [3, 3, 3]}]}));
         assert_eq!(plan(&brighter, true, true, 4), (true, FilmPlan::Restart));
         assert!(!Plan::new(&Caches::default(), &scene(&volume, json!({})), TARGET).runs(Pass::Illuminate));
+    }
+
+    /// Clipped matter that casts shadows scatters no light on.
+    #[test]
+    fn light_that_scatters_on_follows_clipping_under_shadows() {
+        let volume = volume();
+        let lit = |method: Value, half: f64| {
+            scene(
+                &volume,
+                json!({"illumination": method, "clip": {"box": [[0, 0, 0], [half, 1, 1]], "shadows": true}}),
+            )
+        };
+        for (method, follows) in [
+            (json!({"method": "convection_diffusion"}), true),
+            (json!({"method": "photon_map"}), true),
+            (json!({"method": "image_based"}), false),
+            (json!({"method": "image_based", "record_exchange": 2}), true),
+        ] {
+            let changes = changes_of_light(&lit(method.clone(), 1.0), &lit(method.clone(), 0.5));
+            assert_eq!(!changes.is_empty(), follows, "{method}");
+        }
     }
 
     #[test]

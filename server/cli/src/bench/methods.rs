@@ -226,11 +226,7 @@ const IMAGE_BASED: Entry = Entry {
             r#"{"illumination": {"records": 50, "record_directions": 192, "record_bands": 6}}"#,
             false,
         ),
-        light(
-            "32 records, 4 exchanges",
-            r#"{"illumination": {"records": 32, "record_exchange": 4}}"#,
-            false,
-        ),
+        light("32 records, 4 exchanges", r#"{"illumination": {"records": 32, "record_exchange": 4}}"#, false),
         light(
             "32 records, 16 exchanges",
             r#"{"illumination": {"records": 32, "record_exchange": 16}}"#,

@@ -3,6 +3,7 @@
 
 mod diffusion;
 mod field;
+mod outside;
 mod passes;
 mod settings;
 mod stale;
@@ -14,4 +15,3 @@ pub(crate) mod transport;
 mod upwind;
 
 pub(crate) use field::{ConvectionDiffusion, Pipelines};
-pub(crate) use settings::check;

@@ -49,9 +49,8 @@ impl Pipelines {
 
 impl Compiled {
     fn new(gpu: &Arc<Gpu>) -> Self {
-        let of_bands = |label, source| {
-            [1.0, 2.0].map(|bands| pipeline(gpu, label, source, &[("SOURCE_BANDS", bands)]))
-        };
+        let of_bands =
+            |label, source| [1.0, 2.0].map(|bands| pipeline(gpu, label, source, &[("SOURCE_BANDS", bands)]));
         Self {
             transport: Transport::new(gpu.clone()),
             scatter: of_bands("scatter_records", shaders::SCATTER_RECORDS),
