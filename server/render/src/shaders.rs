@@ -235,7 +235,7 @@ pub const MARCH_LINES: &str = parts!(
 /// `gather_lines`: from characteristics to cells.
 pub const GATHER_LINES: &str = parts!("convection_diffusion/sweep.wgsl", "convection_diffusion/gather.wgsl");
 
-/// `upwind_front`, `pack_fronts`: the upwind scheme.
+/// `upwind_front`: the upwind scheme.
 pub const UPWIND: &str = parts!("convection_diffusion/upwind.wgsl");
 
 /// Passes of the diffusion solver: `smooth_level`, `restrict_residual`, `prolong_correction`,

@@ -59,7 +59,7 @@ pub struct Arguments {
     /// Methods that `stability` measures, separated by commas; default: all.
     #[arg(long, value_delimiter = ',')]
     methods: Vec<String>,
-    /// Tables of `papers`, separated by commas: light grid, lights, heat flow, error by grid, records, bands,
+    /// Tables of `papers`, separated by commas: light grid, lights, transport, heat flow, error by grid, records, bands,
     /// exchange; default: all.
     #[arg(long, value_delimiter = ',')]
     tables: Vec<String>,

@@ -164,6 +164,18 @@ fn rows(quick: bool) -> Vec<Row> {
             ));
         }
     }
+    // How light is carried: the published explicit scheme, the same solved directly, and ours.
+    let carried = [json!({}), json!({"transport": "upwind"})].into_iter();
+    let steps = [5, 10, 20].map(|steps| json!({"transport": "explicit", "explicit_steps": steps}));
+    for transport in carried.chain(steps) {
+        for cells in if quick { vec![32] } else { vec![32, 64] } {
+            let mut settings = json!({"method": "convection_diffusion", "light_grid": f64::from(cells) / 64.0, "diffusion": "none"});
+            json_patch::merge(&mut settings, &transport);
+            let label = format!("{cells}^3, {transport}");
+            let row = Row::new("transport", label, Lit::SmokeUnderLights(1), 64, settings);
+            rows.push(row.against(Truth::Single));
+        }
+    }
     // Their figure 7: a smoke with diffusion coefficients 0, 1 and 10, in squares of a cell.
     for coefficient in [0.0, 1.0, 10.0f64] {
         let mut settings =
