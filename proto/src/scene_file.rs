@@ -844,6 +844,9 @@ pub struct Illumination {
     pub record_lookup: RecordLookup,
     /// `image_based`: damps the higher bands of the light, against ringing.
     pub record_window: bool,
+    /// `image_based`, form `product`: how often records exchange scattered light with one another, 0..64.
+    /// Each time adds an order of scattering; 0: light that is scattered once, alone.
+    pub record_exchange: u32,
     /// `precomputed_transfer`: lights that any light from infinity is made of: 42, 162 or 642.
     pub transfer_lights: u32,
     /// `precomputed_transfer`: texels of the baked light along the volume's longest edge, 4..128; fewer
@@ -940,6 +943,7 @@ impl Default for Illumination {
             record_form: RecordForm::default(),
             record_lookup: RecordLookup::default(),
             record_window: false,
+            record_exchange: 0,
             transfer_lights: 162,
             transfer_grid: 32,
             transfer_directions: 192,

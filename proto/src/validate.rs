@@ -51,6 +51,7 @@ pub(crate) fn scene(scene: &SceneFile) -> Checked {
         format!("must be 12, 48, 192 or 768, got {directions}")
     })?;
     within("illumination.record_bands", f64::from(illumination.record_bands), 1.0, f64::from(MAX_BANDS))?;
+    within("illumination.record_exchange", f64::from(illumination.record_exchange), 0.0, 64.0)?;
     transfer(illumination)?;
     let sampling = &scene.sampling;
     within("sampling.step_voxels", sampling.step_voxels, 1.0 / 16.0, 8.0)?;

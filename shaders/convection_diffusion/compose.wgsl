@@ -139,7 +139,7 @@ fn flux(cell: vec3u, index: u32, axis: u32) -> vec3f {
             sum += sign * flow.xyz * (value - solution[there].xyz) / h;
         } else {
             // Marshak: what leaves, less what comes in.
-            sum += sign * (value - 4.0 * PI * sources.ambient) / (h / (2.0 * own.xyz) + 2.0);
+            sum += sign * (value - sources.outside[2u * axis + side].xyz) / (h / (2.0 * own.xyz) + 2.0);
         }
     }
     return 0.5 * sum;

@@ -4,11 +4,11 @@
 @group(0) @binding(29) var<storage, read_write> transmittances: array<u32>;
 @group(0) @binding(40) var<uniform> sources: Sources;
 
-const MAX_FIELD_LIGHTS = 16u;
+const MAX_FIELD_LIGHTS = 64u;
 
 // Mirrored by `Sources` in server/render/src/uniforms.rs.
 struct Sources {
-    // Radiance from all around, in the field's unit.
+    // Mean radiance from all around, in the field's unit.
     ambient: vec3f,
     count: u32,
     // 1 / the radiance that the field holds as 1: here and in all that follows, light is in this unit.
@@ -16,8 +16,11 @@ struct Sources {
     pad0: u32,
     pad1: u32,
     pad2: u32,
-    // Of light i in `lights`: where its transmittances begin, in x.
-    slots: array<vec4u, MAX_FIELD_LIGHTS>,
+    // Through a face to each side of the axes (faces.wgsl), the fluence that would bring as much light from
+    // all sides as comes from that one: four times the irradiance.
+    outside: array<vec4f, 6>,
+    // Of light i in `lights`: where its transmittances begin; four lights a vector.
+    slots: array<vec4u, MAX_FIELD_LIGHTS / 4u>,
 }
 
 // Nearer to a light than this, world units, it is no stronger: the same for every grid.
@@ -47,5 +50,5 @@ fn direct_light(i: u32, cell: vec3u, index: u32) -> Direct {
 
 // Of light i: at the cell's centre, and the mean over the cell.
 fn transmittances_of(i: u32, index: u32) -> vec2f {
-    return unpack2x16unorm(transmittances[sources.slots[i].x + index]);
+    return unpack2x16unorm(transmittances[sources.slots[i / 4u][i % 4u] + index]);
 }

@@ -4,10 +4,7 @@
 
 @group(0) @binding(31) var<storage, read_write> flows: array<vec4f>;
 @group(0) @binding(32) var<storage, read_write> losses: array<vec4f>;
-// What the boundary takes of the fluence, and gives of light from all around, per unit of volume.
-@group(0) @binding(39) var<storage, read_write> leaks: array<vec4f>;
 @group(0) @binding(22) var<storage, read_write> cosines: array<f32>;
-@group(0) @binding(24) var matter: texture_3d<f32>;
 
 // Transport extinction below which matter counts as this thin, per world unit: a mean free path no
 // longer than the box.
@@ -23,7 +20,6 @@ fn p1_matter(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_inde
     if found.w <= 0.0 {
         flows[index] = vec4f(0.0);
         losses[index] = vec4f(0.0);
-        leaks[index] = vec4f(0.0);
         return;
     }
     let absorption = found.xyz;
@@ -32,17 +28,8 @@ fn p1_matter(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_inde
     let flow = 1.0 / (3.0 * transport);
     var leak = vec3f(0.0);
     for (var face = 0u; face < 6u; face++) {
-        let axis = face >> 1u;
-        var other = vec3i(cell);
-        other[axis] += select(1, -1, (face & 1u) == 0u);
-        let inside = other[axis] >= 0 && other[axis] < i32(grid.cells[axis]);
-        let beyond = select(0.0, textureLoad(matter, clamp(other, vec3i(0), vec3i(grid.cells) - 1), 0).w, inside);
-        if beyond <= 0.0 {
-            let h = grid.cell_size[axis];
-            leak += 1.0 / (h * (h / (2.0 * flow) + 2.0));
-        }
+        if is_open(cell, face) { leak += leak_through(face, vec3f(flow)); }
     }
     flows[index] = vec4f(flow, 0.0);
     losses[index] = vec4f(absorption + leak, 0.0);
-    leaks[index] = vec4f(leak, 0.0);
 }

@@ -1,9 +1,6 @@
 // How much of a light reaches a place: exact for a linear field over the last bit of the way, where
 // matter's own skin shades it; from there on by interpolation between nodes (README.md).
 
-// Of four lights a slab along z, and of each node: the share of the light that reaches it.
-@group(0) @binding(16) var direct_field: texture_3d<f32>;
-
 // Parts of the last bit of the way: a constant, for Mesa 22's software device crashes on a bound that
 // is loaded.
 override NEAR_PARTS: u32 = 4u;
@@ -20,14 +17,7 @@ fn transmittance_from(light: u32, x: vec3f, w_i: vec3f) -> f32 {
     if field.clip_blocks == 0u { kept = clip_interval(ray, kept); }
     kept.y = max(kept.x, kept.y);
     let near = exp(-depth_between(ray, kept));
-    let cells = field.direct_cells;
-    let nodes = field.direct_nodes;
-    let place = ((x + end * w_i) / frame.size_world + 0.5) * cells + 0.5 * (nodes - cells);
-    let layers = f32(textureDimensions(direct_field).z) / nodes.z;
-    let slot = lights[light].slot;
-    let slab = clamp(place, vec3f(0.5), nodes - 0.5) + vec3f(0.0, 0.0, f32(slot / 4u) * nodes.z);
-    let four = textureSampleLevel(direct_field, light_sampler, slab / (nodes * vec3f(1.0, 1.0, layers)), 0.0);
-    return near * four[slot % 4u];
+    return near * share_of(lights[light].slot, x + end * w_i);
 }
 
 // Optical depth of a way of a few voxels. (Loops end by their bounds: see `piece_of`.)

@@ -1,12 +1,18 @@
 // Rays to coefficients of the light field. The light that arrives at a record through direction p is
 // T_p L; its integral with spherical harmonic k over the pixel of p is T_p P_pk, where
 // P_pk = integral of L Y_k over the pixel is exact and the same for all records. Lights with a direction
-// of their own add T E Y_k(w_i).
+// of their own add T E Y_k(w_i). What records received of one another (receive_records.wgsl) is taken as
+// the same all over the pixel.
 
 // Column p, row k: P_pk in red, green and blue; integral of Y_k over the pixel in alpha.
 @group(0) @binding(19) var products: texture_2d<f32>;
 @group(0) @binding(20) var field: texture_storage_3d<rgba16float, write>;
 
+// As receive_records.wgsl wrote it.
+@group(0) @binding(21) var<storage, read> received: array<u32>;
+
+// Whether records have received light from one another.
+override EXCHANGED: bool = false;
 // Whether the phase function towards the eye is folded in (the paper's form for media that change).
 override DYNAMIC: bool = false;
 
@@ -30,6 +36,7 @@ fn project_records(@builtin(workgroup_id) group: vec3u, @builtin(local_invocatio
         let product = textureLoad(products, vec2u(p, coefficient), 0);
         var found = rays[ray_slot(0u, p, entry.x)] * product.xyz;
         if GLOW { found += glow(p, entry.x) * product.w; }
+        if EXCHANGED { found += from_records(p, entry.x) * product.w; }
         if DYNAMIC { found *= folded_phase(columns[p].xyz, w_o); }
         sum += found;
     }
@@ -54,6 +61,10 @@ fn project_records(@builtin(workgroup_id) group: vec3u, @builtin(local_invocatio
 
 fn glow(column: u32, slot: u32) -> vec3f {
     return vec3f(rays[ray_slot(1u, column, slot)], rays[ray_slot(2u, column, slot)], rays[ray_slot(3u, column, slot)]);
+}
+
+fn from_records(column: u32, slot: u32) -> vec3f {
+    return records.scale * unpacked(received[column * records.capacity + slot]);
 }
 
 // 4 pi times the phase function: 1 where scattering is isotropic.

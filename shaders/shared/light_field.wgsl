@@ -1,42 +1,14 @@
 // Light from a light field: incident radiance as spherical harmonics on a grid over the volume's box,
-// whichever method computed it. Directions point to where light comes from.
-//
-// Coefficient k of B^2 lies in tile (k % B, k / B) along x and z of one texture: RGB divided by the
-// field's scale, times the texel's weight. The weight is the alpha of the first tile, 0 where light is not
-// known: what is interpolated is divided by it.
-
-@group(0) @binding(13) var light_field: texture_3d<f32>;
-@group(0) @binding(14) var light_sampler: sampler;
-@group(0) @binding(15) var<uniform> field: Field;
+// whichever method computed it (field.wgsl). Directions point to where light comes from.
 
 // Bands; 0: there is no field.
 override FIELD_BANDS: u32 = 0u;
-// Whether what lights bring by themselves is not in it, but in `direct_field` (direct_light/look_up.wgsl).
+// Whether what lights bring by themselves is not in it, but in `direct_field` (direct_light/nodes.wgsl).
 override DIRECT: bool = false;
 
 // Whether there is matter that is opaque within a texel, so that texels hold the mean of what is seen of its
 // skin.
 override SKINS: bool = false;
-
-struct Field {
-    // Texels of one coefficient.
-    dims: vec3f,
-    // Radiance of 1 in the texture.
-    scale: f32,
-    // Cells of the volume's box for `direct_field`.
-    direct_cells: vec3f,
-    // How far towards a light matter is looked at, world units.
-    near: f32,
-    // Its nodes: the cells' corners, or their centres.
-    direct_nodes: vec3f,
-    // 1: clipped matter blocks light.
-    clip_blocks: u32,
-    // How far off matter was looked at from (photon_map/seen.wgsl), world units.
-    reach: f32,
-    pad0: f32,
-    pad1: f32,
-    pad2: f32,
-}
 
 // Below this weight nothing is known.
 const LEAST_WEIGHT = 1e-6;

@@ -25,6 +25,7 @@ mod renderer;
 mod sampler_tests;
 mod segments;
 pub mod shaders;
+mod skies;
 mod stale_shares;
 pub mod still;
 mod tables;

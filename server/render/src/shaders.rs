@@ -17,7 +17,9 @@ pub const RAY_CAST: &str = parts!(
     "shared/light.wgsl",
     "shared/environment.wgsl",
     "shared/sh.wgsl",
+    "shared/field.wgsl",
     "shared/light_field.wgsl",
+    "direct_light/nodes.wgsl",
     "direct_light/look_up.wgsl",
     "local/local.wgsl",
     "ray_cast/way.wgsl",
@@ -102,6 +104,29 @@ pub const PROJECT_RECORDS: &str = parts!(
     "shared/sh.wgsl",
     "image_based/records.wgsl",
     "image_based/project_records.wgsl",
+);
+
+/// `scatter_records`: what cells of records scatter on.
+pub const SCATTER_RECORDS: &str = parts!(
+    "shared/features.wgsl",
+    "shared/frame.wgsl",
+    "shared/medium.wgsl",
+    "shared/phase.wgsl",
+    "shared/light.wgsl",
+    "shared/sh.wgsl",
+    "shared/field.wgsl",
+    "direct_light/nodes.wgsl",
+    "convection_diffusion/grid.wgsl",
+    "image_based/scatter_records.wgsl",
+);
+
+/// `receive_records`: what records receive of it.
+pub const RECEIVE_RECORDS: &str = parts!(
+    "shared/frame.wgsl",
+    "shared/ray.wgsl",
+    "shared/sh.wgsl",
+    "image_based/records.wgsl",
+    "image_based/receive_records.wgsl",
 );
 
 /// `trace_photons`: method `photon_map`.
@@ -216,7 +241,7 @@ pub const MARCH_LINES: &str = parts!(
 /// `gather_lines`: from characteristics to cells.
 pub const GATHER_LINES: &str = parts!("convection_diffusion/sweep.wgsl", "convection_diffusion/gather.wgsl");
 
-/// `upwind_front`, `pack_fronts`: the upwind scheme.
+/// `upwind_front`: the upwind scheme.
 pub const UPWIND: &str = parts!("convection_diffusion/upwind.wgsl");
 
 /// Passes of the diffusion solver: `smooth_level`, `restrict_residual`, `prolong_correction`,
@@ -231,7 +256,11 @@ pub const DIFFUSE: &str = parts!(
 );
 
 /// `p1_matter`.
-pub const P1_MATTER: &str = parts!("convection_diffusion/grid.wgsl", "convection_diffusion/p1.wgsl");
+pub const P1_MATTER: &str = parts!(
+    "convection_diffusion/grid.wgsl",
+    "convection_diffusion/faces.wgsl",
+    "convection_diffusion/p1.wgsl",
+);
 
 macro_rules! with_direct_light {
     ($($path:literal),+ $(,)?) => {
@@ -249,7 +278,8 @@ macro_rules! with_direct_light {
 }
 
 /// `p1_source`.
-pub const P1_SOURCE: &str = with_direct_light!("convection_diffusion/source.wgsl");
+pub const P1_SOURCE: &str =
+    with_direct_light!("convection_diffusion/faces.wgsl", "convection_diffusion/source.wgsl");
 
 /// `heat_matter`.
 pub const HEAT_MATTER: &str = with_direct_light!("convection_diffusion/heat.wgsl");
@@ -299,6 +329,8 @@ pub const ALL: &[(&str, &str)] = &[
     ("march_direct", MARCH_DIRECT),
     ("march_records", MARCH_RECORDS),
     ("project_records", PROJECT_RECORDS),
+    ("scatter_records", SCATTER_RECORDS),
+    ("receive_records", RECEIVE_RECORDS),
     ("differ", DIFFER),
     ("split", SPLIT),
     ("take_over", TAKE_OVER),

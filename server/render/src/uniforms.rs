@@ -326,7 +326,10 @@ pub struct Front {
     pub light: [f32; 3],
     pub slot: u32,
     pub start: [u32; 3],
+    pub step: u32,
+    pub origin: [u32; 2],
     pub pad0: u32,
+    pub pad1: u32,
 }
 
 /// `Level` of shaders/convection_diffusion/level.wgsl.
@@ -345,7 +348,7 @@ pub struct Level {
 }
 
 /// Most lights a light grid takes; as in shaders/convection_diffusion/direct.wgsl.
-pub const MAX_FIELD_LIGHTS: usize = 16;
+pub const MAX_FIELD_LIGHTS: usize = 64;
 
 /// `Sources` of shaders/convection_diffusion/direct.wgsl.
 #[repr(C)]
@@ -358,7 +361,8 @@ pub struct Sources {
     pub pad0: u32,
     pub pad1: u32,
     pub pad2: u32,
-    pub slots: [[u32; 4]; MAX_FIELD_LIGHTS],
+    pub outside: [[f32; 4]; 6],
+    pub slots: [[u32; 4]; MAX_FIELD_LIGHTS / 4],
 }
 
 /// `Compose` of shaders/convection_diffusion/compose.wgsl.
@@ -659,7 +663,10 @@ pub fn layouts() -> Vec<Layout> {
             "Level",
             Level { cells, offset, weights, count, coarse_cells, coarse_offset, factors, coarse_count }
         ),
-        layout!("Front", Front { cells, front, cell_size, from_place, light, slot, start, pad0 }),
+        layout!(
+            "Front",
+            Front { cells, front, cell_size, from_place, light, slot, start, step, origin, pad0, pad1 }
+        ),
         layout!("Sources", Sources { ambient, count, inverse_scale, pad0, pad1, pad2, slots }),
         layout!("Compose", Compose { bands, diffusion, pad0, pad1 }),
         layout!("Heat", Heat { spread, pad0, pad1, pad2 }),

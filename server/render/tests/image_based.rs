@@ -196,6 +196,7 @@ fn any_edit() -> impl Strategy<Value = Value> {
         (0.3..1.0f64).prop_map(|top| json!({"value_range": [0, top * 60000.0]})),
         prop_oneof![Just("product"), Just("isotropic"), Just("static"), Just("dynamic")].prop_map(|form| settings(json!({"record_form": form}))),
         prop_oneof![Just("trilinear"), Just("containing")].prop_map(|lookup| settings(json!({"record_lookup": lookup}))),
+        (0..4u32).prop_map(|rounds| settings(json!({"record_exchange": rounds}))),
         (1..6u32).prop_map(|bands| settings(json!({"record_bands": bands, "record_window": bands > 3}))),
     ]
 }

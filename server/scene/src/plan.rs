@@ -7,6 +7,7 @@ use proto::plan::PassReport;
 use proto::scene_file::{Method, RecordForm};
 
 use crate::changes::Changes;
+use crate::records::Records;
 use crate::rendering::Rendering;
 use crate::scene::{Integrator, Scene};
 
@@ -429,7 +430,11 @@ pub fn changes_of_light(old: &Scene, new: &Scene) -> Changes {
     let changes = Changes::between(old, new);
     // Clipped matter that blocks light all the same makes no difference to light that is not scattered
     // twice.
-    let scatters_on = |scene: &Scene| matches!(scene.method, Method::PhotonMap | Method::PrecomputedTransfer);
+    let scatters_on = |scene: &Scene| match scene.method {
+        Method::PhotonMap | Method::PrecomputedTransfer | Method::ConvectionDiffusion => true,
+        Method::ImageBased => Records::of(scene).exchanges > 0,
+        Method::Local | Method::PathTraced => false,
+    };
     let clips = |scene: &Scene| !scene.clip.shadows || scatters_on(scene);
     Changes {
         bins: changes.bins & new.volume.macrocells.occurring(new.filter),
@@ -683,7 +688,7 @@ mod tests {
     use std::sync::Arc;
 
     use proto::scene_file::{Builtin, SceneFile, VolumeSource};
-    use serde_json::json;
+    use serde_json::{Value, json};
 
     use super::*;
     use crate::prepared::PreparedVolume;
@@ -768,6 +773,27 @@ mod tests {
             "irradiance": [3, 3, 3]}]}));
         assert_eq!(plan(&brighter, true, true, 4), (true, FilmPlan::Restart));
         assert!(!Plan::new(&Caches::default(), &scene(&volume, json!({})), TARGET).runs(Pass::Illuminate));
+    }
+
+    /// Clipped matter that casts shadows scatters no light on.
+    #[test]
+    fn light_that_scatters_on_follows_clipping_under_shadows() {
+        let volume = volume();
+        let lit = |method: Value, half: f64| {
+            scene(
+                &volume,
+                json!({"illumination": method, "clip": {"box": [[0, 0, 0], [half, 1, 1]], "shadows": true}}),
+            )
+        };
+        for (method, follows) in [
+            (json!({"method": "convection_diffusion"}), true),
+            (json!({"method": "photon_map"}), true),
+            (json!({"method": "image_based"}), false),
+            (json!({"method": "image_based", "record_exchange": 2}), true),
+        ] {
+            let changes = changes_of_light(&lit(method.clone(), 1.0), &lit(method.clone(), 0.5));
+            assert_eq!(!changes.is_empty(), follows, "{method}");
+        }
     }
 
     #[test]

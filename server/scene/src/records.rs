@@ -6,7 +6,7 @@
 //! which there is matter, and no voxel is read.
 
 use glam::DVec3;
-use proto::scene_file::{Illumination, RecordForm, RecordLookup};
+use proto::scene_file::{Illumination, Orders, RecordForm, RecordLookup};
 
 use crate::grid::Grid;
 use crate::macrocells::MACROCELL_EDGE;
@@ -31,12 +31,20 @@ pub struct Records {
     pub lookup: RecordLookup,
     /// Whether higher bands of the light are damped.
     pub window: bool,
+    /// Rounds of exchange between records, 0..=64: none in the paper's forms.
+    pub exchanges: u32,
 }
 
 impl Records {
-    /// Those of a scene.
+    /// Those of a scene: no more rounds of exchange than its orders of scattering leave.
     pub fn of(scene: &Scene) -> Self {
-        Self::from_file(&scene.illumination)
+        let settings = Self::from_file(&scene.illumination);
+        match scene.orders {
+            Orders::AtMost(orders) => {
+                Self { exchanges: settings.exchanges.min(orders.saturating_sub(1)), ..settings }
+            }
+            Orders::All => settings,
+        }
     }
 
     /// From the checked file form.
@@ -49,6 +57,10 @@ impl Records {
             form: illumination.record_form,
             lookup: illumination.record_lookup,
             window: illumination.record_window,
+            exchanges: match illumination.record_form {
+                RecordForm::Product => illumination.record_exchange,
+                _ => 0,
+            },
         }
     }
 
@@ -72,11 +84,12 @@ impl Records {
         }
     }
 
-    /// Whether any light comes by way of records: in the form `product` they hold that from all around
-    /// and of glowing matter alone.
+    /// Whether any light comes by way of records: in the form `product` they hold that from all around,
+    /// of glowing matter and, where they exchange it, scattered light alone.
     pub fn are_read(&self, scene: &Scene) -> bool {
         self.form != RecordForm::Product
             || scene.glows()
+            || self.exchanges > 0
             || scene.lights.iter().any(|light| light.is_environment())
     }
 }

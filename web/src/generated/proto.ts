@@ -571,6 +571,11 @@ record_lookup: RecordLookup,
  */
 record_window: boolean, 
 /**
+ * `image_based`, form `product`: how often records exchange scattered light with one another, 0..64.
+ * Each time adds an order of scattering; 0: light that is scattered once, alone.
+ */
+record_exchange: number, 
+/**
  * `precomputed_transfer`: lights that any light from infinity is made of: 42, 162 or 642.
  */
 transfer_lights: number, 

@@ -14,7 +14,7 @@ import { withIds } from "./lights";
 export type EnvironmentLight = Extract<Light, { type: "environment" }>;
 
 /** Methods that refuse pictures, and the one that draws them instead. */
-const WITHOUT_PICTURES: readonly Method[] = ["local", "convection_diffusion"];
+const WITHOUT_PICTURES: readonly Method[] = ["local"];
 const WITH_PICTURES: Method = "path_traced";
 
 /** Radiance in place of a picture whose own is not known: it is gone, or the list has not arrived. */

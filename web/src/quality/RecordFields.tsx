@@ -2,7 +2,7 @@ import { NativeSelect, Switch } from "@mantine/core";
 import type { Illumination } from "../generated/proto";
 import { session } from "../session/engine";
 import { Row, SliderField } from "../app/controls";
-import { directionChoices, formChoices, lookupChoices, MAX_BANDS, MAX_RECORDS, MIN_RECORDS } from "./records";
+import { directionChoices, formChoices, lookupChoices, MAX_BANDS, MAX_EXCHANGES, MAX_RECORDS, MIN_RECORDS } from "./records";
 import { ShadowGridField } from "./ShadowGridField";
 
 /** Where image-based lighting keeps light, how well, and in which form. */
@@ -16,6 +16,7 @@ export function RecordFields({ illumination }: { illumination: Illumination }) {
         <NativeSelect aria-label="Directions of records" value={String(illumination.record_directions)} data={[...directionChoices]} data-testid="record-directions" onChange={(event) => edit({ record_directions: Number(event.currentTarget.value) })} />
       </Row>
       <SliderField label="Bands" hint="Bands of spherical harmonics that are kept where phase functions or surfaces tell directions apart" value={illumination.record_bands} min={1} max={MAX_BANDS} step={1} testId="record-bands" onChange={(bands) => edit({ record_bands: Math.round(bands) }, "bands")} />
+      {illumination.record_form === "product" && <SliderField label="Exchanges" hint="How often records exchange scattered light: each time adds an order of scattering; 0 shows light that is scattered once" value={illumination.record_exchange} min={0} max={MAX_EXCHANGES} step={1} testId="record-exchange" onChange={(rounds) => edit({ record_exchange: Math.round(rounds) }, "exchanges")} />}
       <Row label="Form" hint="What a record holds; the last three are the published method's">
         <NativeSelect aria-label="Form of records" value={illumination.record_form} data={[...formChoices]} data-testid="record-form" onChange={(event) => {
           const chosen = formChoices.find((choice) => choice.value === event.currentTarget.value);

@@ -6,6 +6,7 @@ import type { RecordForm, RecordLookup } from "../generated/proto";
 export const MIN_RECORDS = 2;
 export const MAX_RECORDS = 100;
 export const MAX_BANDS = 6;
+export const MAX_EXCHANGES = 64;
 
 export const directionChoices: readonly { value: string; label: string }[] = [12, 48, 192, 768].map((count) => ({ value: String(count), label: String(count) }));
 

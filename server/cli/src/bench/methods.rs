@@ -226,6 +226,12 @@ const IMAGE_BASED: Entry = Entry {
             r#"{"illumination": {"records": 50, "record_directions": 192, "record_bands": 6}}"#,
             false,
         ),
+        light("32 records, 4 exchanges", r#"{"illumination": {"records": 32, "record_exchange": 4}}"#, false),
+        light(
+            "32 records, 16 exchanges",
+            r#"{"illumination": {"records": 32, "record_exchange": 16}}"#,
+            false,
+        ),
         light(
             "as published, 32 records, 48 directions",
             r#"{"illumination": {"records": 32, "record_form": "static", "record_lookup": "containing"}}"#,

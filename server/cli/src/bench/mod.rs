@@ -9,6 +9,7 @@ mod edits;
 mod flip;
 mod load;
 mod methods;
+mod papers;
 mod references;
 mod report;
 mod scenes;
@@ -40,6 +41,8 @@ enum Suite {
     Steps,
     /// Light from infinity in few functions: error, projection and evaluation of each basis.
     Bases,
+    /// Tables of the papers of `convection_diffusion` and `image_based`, taken anew.
+    Papers,
     /// Frames per second, latency and bytes of a streamed session.
     Stream,
     /// Many viewers at once: what each gets, how evenly, and what a long job beside them costs.
@@ -56,6 +59,10 @@ pub struct Arguments {
     /// Methods that `stability` measures, separated by commas; default: all.
     #[arg(long, value_delimiter = ',')]
     methods: Vec<String>,
+    /// Tables of `papers`, separated by commas: light grid, lights, transport, heat flow, error by grid, records, bands,
+    /// exchange; default: all.
+    #[arg(long, value_delimiter = ',')]
+    tables: Vec<String>,
     /// Where reports go.
     #[arg(long, value_name = "DIR", default_value = "bench-out")]
     out: PathBuf,
@@ -63,7 +70,7 @@ pub struct Arguments {
     #[arg(long, value_enum, default_value_t = SceneSize::Small)]
     size: SceneSize,
     /// The short form of `accuracy`, `stability` and `skip`: fails where work or error is more than
-    /// what was accepted. That of `edits` has fewer photons.
+    /// what was accepted. That of `edits` has fewer photons, that of `papers` fewer rows.
     #[arg(long)]
     quick: bool,
     /// Where reference pictures are kept from run to run; default: `references` in the reports' folder.
@@ -92,7 +99,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
             Suite::Accuracy => drop(accuracy::chosen(&arguments.scenes, arguments.quick)?),
             Suite::Skip | Suite::Steps => drop(chosen_scenes(&arguments.scenes)?),
             Suite::Stability => drop(chosen_methods(&arguments.methods)?),
-            Suite::Edits | Suite::Bases | Suite::Stream | Suite::Load => {}
+            Suite::Edits | Suite::Bases | Suite::Papers | Suite::Stream | Suite::Load => {}
         }
     }
     suites.into_iter().try_for_each(|suite| run_suite(suite, arguments))
@@ -116,6 +123,7 @@ fn run_suite(suite: Suite, arguments: &Arguments) -> anyhow::Result<()> {
         Suite::Steps => steps::run(&chosen_scenes(&arguments.scenes)?, out),
         Suite::Edits => edits::run(arguments.quick, out),
         Suite::Bases => bases::run(out),
+        Suite::Papers => papers::run(&arguments.tables, arguments.quick, out),
         Suite::Stream => stream::run(out),
         Suite::Load => load::run(out),
     }

@@ -3,15 +3,15 @@
 
 mod diffusion;
 mod field;
+mod outside;
 mod passes;
 mod settings;
 mod stale;
-mod sweep;
+pub(crate) mod sweep;
 #[cfg(test)]
 #[allow(clippy::unwrap_used, clippy::expect_used)]
 mod tests;
-mod transport;
+pub(crate) mod transport;
 mod upwind;
 
 pub(crate) use field::{ConvectionDiffusion, Pipelines};
-pub(crate) use settings::check;

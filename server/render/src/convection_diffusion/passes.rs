@@ -2,10 +2,8 @@
 
 use std::sync::Arc;
 
-use proto::scene_file::Diffusion as Kind;
-use scene::Scene;
-
 use super::diffusion::Grids;
+use super::outside::Outside;
 use super::sweep::Cells;
 use super::transport::{Matter, bind, groups_of, light_grid, pipeline, uniform};
 use crate::error::RenderError;
@@ -14,6 +12,7 @@ use crate::light_field::LightField;
 use crate::shaders;
 use crate::tables;
 use crate::uniforms::{Compose, Heat, MAX_FIELD_LIGHTS, Sources};
+use proto::scene_file::Diffusion as Kind;
 
 /// Nearer to a point or spot light than this, world units, light is no stronger; as in direct.wgsl.
 pub const NEAREST: f64 = 0.02;
@@ -51,8 +50,6 @@ pub struct Bound<'a> {
     pub matter: &'a Matter,
     /// The solver's grids.
     pub grids: &'a Grids,
-    /// What the boundary takes.
-    pub leaks: &'a wgpu::Buffer,
     /// The table of lights.
     pub lights: &'a wgpu::Buffer,
     /// Of all lights.
@@ -63,8 +60,8 @@ pub struct Bound<'a> {
 pub struct Composed<'a> {
     /// Matter in the cells.
     pub matter: &'a Matter,
-    /// Grids of the solver and what the boundary takes, where light is diffused.
-    pub diffused: Option<(&'a Grids, &'a wgpu::Buffer)>,
+    /// Grids of the solver, where light is diffused.
+    pub diffused: Option<&'a Grids>,
     /// The table of lights.
     pub lights: &'a wgpu::Buffer,
     /// Of all lights.
@@ -88,26 +85,29 @@ impl Passes {
         }
     }
 
-    /// What the passes are told of a scene whose lights' transmittances begin at `slots`, over all
-    /// cells; light is told in units of `scale`.
+    /// What the passes are told of the light of a scene, whose transmittances begin at `slots`, over all
+    /// cells; it is told in units of `scale`.
     ///
     /// # Errors
     /// Out of memory.
     pub fn light(
         &self,
         cells: &Cells,
-        scene: &Scene,
+        outside: &Outside,
         slots: &[u32],
         scale: f64,
     ) -> Result<Light, RenderError> {
         let mut sources = Sources {
-            ambient: tables::vector(tables::ambient(scene) / scale),
+            ambient: tables::vector(outside.mean / scale),
+            outside: outside
+                .on_faces
+                .map(|irradiance| (4.0 / scale * irradiance).as_vec3().extend(0.0).to_array()),
             inverse_scale: (1.0 / scale) as f32,
             count: slots.len().min(MAX_FIELD_LIGHTS) as u32,
             ..Sources::default()
         };
-        for (place, &slot) in sources.slots.iter_mut().zip(slots) {
-            place[0] = slot;
+        for (place, &slot) in sources.slots.as_flattened_mut().iter_mut().zip(slots) {
+            *place = slot;
         }
         let count = cells.count() as u32;
         Ok(Light {
@@ -130,7 +130,6 @@ impl Passes {
                 texture_entry(24, &bound.matter.coefficients),
                 buffer_entry(31, &bound.grids.flows),
                 buffer_entry(32, &bound.grids.losses),
-                buffer_entry(39, bound.leaks),
             ],
         );
     }
@@ -145,8 +144,8 @@ impl Passes {
                 buffer_entry(20, &light.grid),
                 texture_entry(24, &bound.matter.coefficients),
                 buffer_entry(29, bound.transmittances),
+                buffer_entry(31, &bound.grids.flows),
                 buffer_entry(34, &bound.grids.residuals),
-                buffer_entry(39, bound.leaks),
                 buffer_entry(40, &light.sources),
             ],
         );
@@ -193,7 +192,7 @@ impl Passes {
         let told = uniform(&self.gpu, "compose", &told)?;
         // Without diffusion nothing of these is read.
         let (flows, solution) = match composed.diffused {
-            Some((grids, _)) => (&grids.flows, &grids.solution),
+            Some(grids) => (&grids.flows, &grids.solution),
             None => (&composed.matter.cosines, composed.transmittances),
         };
         self.run(

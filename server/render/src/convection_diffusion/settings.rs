@@ -1,19 +1,17 @@
 //! What the method takes of a scene: which lights, how fine a grid, which diffusion.
 
 use glam::DVec3;
-use proto::FieldError;
 use proto::scene_file::{Diffusion as Kind, Illumination, LightTransport, Orders};
 use scene::Scene;
 use scene::light::LightGeometry;
 
 use super::diffusion::largest_buffer;
+use super::outside::Outside;
 use super::passes::NEAREST;
 use super::sweep::Cells;
 use crate::direct_light::LIGHTS_A_SLAB;
 use crate::gpu::Gpu;
 use crate::light_field;
-use crate::tables;
-use crate::uniforms::MAX_FIELD_LIGHTS;
 
 /// Longest edge of a light grid, cells.
 const MAX_EDGE: u32 = 512;
@@ -39,20 +37,6 @@ pub fn bands_of(scene: &Scene) -> u32 {
         Kind::P1 => light_field::bands_of(scene, scene.illumination.light_bands.min(2)),
         Kind::Heat | Kind::None => 1,
     }
-}
-
-/// Refuses more lights than the method takes, in words. Environment images are refused elsewhere.
-///
-/// # Errors
-/// The field that asks for it.
-pub fn check(scene: &Scene) -> Result<(), FieldError> {
-    let count = carried(scene).count();
-    if count > MAX_FIELD_LIGHTS {
-        let message =
-            format!("`convection_diffusion` takes at most {MAX_FIELD_LIGHTS} lights; there are {count}");
-        return Err(FieldError::new("lights", message));
-    }
-    Ok(())
 }
 
 /// What transmittances depend on of the settings.
@@ -86,7 +70,7 @@ pub fn grid_of(scene: &Scene, gpu: &Gpu) -> Cells {
 
 /// The radiance that the field holds as 1: a power of [`SCALES`], so that the unit of the last solution
 /// mostly serves the next.
-pub fn scale_of(scene: &Scene) -> f64 {
+pub fn scale_of(scene: &Scene, outside: &Outside) -> f64 {
     let half = 0.5 * scene.grid.size_world;
     let strongest = |light: &scene::Light| {
         let power = light.power.max_element();
@@ -101,6 +85,6 @@ pub fn scale_of(scene: &Scene) -> f64 {
         }
     };
     let lights: f64 = carried(scene).map(strongest).sum();
-    let all = lights + tables::ambient(scene).max_element();
+    let all = lights + outside.largest();
     SCALES.powf((all / STRONGEST).clamp(1e-30, 1e30).log(SCALES).ceil())
 }

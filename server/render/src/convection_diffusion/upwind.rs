@@ -19,6 +19,11 @@ const UNIFORM_STRIDE: u64 = 256;
 const FRONTS_PER_SLICE: u32 = 32;
 /// Edge of a workgroup.
 const GROUP: u32 = 8;
+/// Which of a front's steps in time it is; as in the shader.
+const FIRST: u32 = 1;
+const LAST: u32 = 2;
+/// Steps of a front that are told apart: the first, those between, the last.
+const STEPS: [u32; 3] = [FIRST, 0, LAST];
 
 /// Pipelines of the scheme.
 pub struct Upwind {
@@ -26,7 +31,6 @@ pub struct Upwind {
     layout: wgpu::BindGroupLayout,
     direct: wgpu::ComputePipeline,
     explicit: wgpu::ComputePipeline,
-    pack: wgpu::ComputePipeline,
 }
 
 /// A light on its way, front by front.
@@ -35,8 +39,34 @@ pub struct Fronts {
     /// Steps in time of each front; 0: solved directly.
     steps: u32,
     done: u32,
-    count: u32,
-    cells: [u32; 3],
+    /// Of each front, where its cells are along y and z.
+    spans: Vec<[Span; 2]>,
+    cells: u64,
+}
+
+/// Cells along an axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Span {
+    begin: u32,
+    end: u32,
+}
+
+impl Span {
+    /// Those no farther than `most` from `start` of `count`, and, where all lie to one side of it, no nearer
+    /// than `least`.
+    fn around(start: u32, count: u32, least: u32, most: u32) -> Self {
+        let (mut begin, mut end) = (start.saturating_sub(most), (start + most + 1).min(count));
+        if start == 0 {
+            begin = least.min(end);
+        } else if start + 1 == count {
+            end = count.saturating_sub(least).max(begin);
+        }
+        Self { begin, end }
+    }
+
+    fn groups(self) -> u32 {
+        (self.end - self.begin).div_ceil(GROUP)
+    }
 }
 
 impl Upwind {
@@ -92,7 +122,6 @@ impl Upwind {
         Self {
             direct: pass("upwind_front", &[("EXPLICIT", 0.0)]),
             explicit: pass("upwind_front", &[("EXPLICIT", 1.0)]),
-            pack: pass("pack_fronts", &[]),
             layout,
             gpu: gpu.clone(),
         }
@@ -121,26 +150,44 @@ impl Upwind {
             Source::At(place) => (place, place.floor().clamp(DVec3::ZERO, last)),
         };
         // To the corner of the grid farthest away.
-        let count = start.max(last - start).element_sum() as u32 + 1;
+        let reach = start.max(last - start).as_uvec3();
+        let count = reach.element_sum() + 1;
+        let from = start.as_uvec3();
+        let spans: Vec<[Span; 2]> = (0..count)
+            .map(|front| {
+                // At least this far along y, and along z, for all that x and the other bring.
+                let span = |axis: usize, other: usize| {
+                    let least = front.saturating_sub(reach.x + reach[other]);
+                    Span::around(from[axis], cells.dims[axis], least, front)
+                };
+                [span(1, 2), span(2, 1)]
+            })
+            .collect();
         let told = Front {
             cells: cells.dims,
             cell_size: cells.size.as_vec3().to_array(),
             from_place: u32::from(matches!(source, Source::At(_))),
             light: light.as_vec3().to_array(),
             slot,
-            start: start.as_uvec3().to_array(),
+            start: from.to_array(),
             ..Front::default()
         };
+        let told = spans.iter().enumerate().flat_map(|(front, [y, z])| {
+            let of_front = Front { front: front as u32, origin: [y.begin, z.begin], ..told };
+            let step = move |step| Front { step: if steps > 1 { step } else { FIRST | LAST }, ..of_front };
+            STEPS.map(step)
+        });
         let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
-        let uniforms = self.gpu.buffer("fronts", UNIFORM_STRIDE * u64::from(count), usage)?;
-        let mut bytes = vec![0; UNIFORM_STRIDE as usize * count as usize];
-        for (front, place) in bytes.chunks_exact_mut(UNIFORM_STRIDE as usize).enumerate() {
-            let told = Front { front: front as u32, ..told };
-            place[..std::mem::size_of::<Front>()].copy_from_slice(bytemuck::bytes_of(&told));
+        let told: Vec<Front> = told.collect();
+        let mut bytes = vec![0; UNIFORM_STRIDE as usize * told.len()];
+        let uniforms = self.gpu.buffer("fronts", bytes.len() as u64, usage)?;
+        for (place, told) in bytes.chunks_exact_mut(UNIFORM_STRIDE as usize).zip(&told) {
+            place[..std::mem::size_of::<Front>()].copy_from_slice(bytemuck::bytes_of(told));
         }
         self.gpu.queue.write_buffer(&uniforms, 0, &bytes);
-        // New buffers are zero: explicit steps begin in the dark.
-        let densities = storage(&self.gpu, "energy densities", 16 * cells.count())?;
+        // Two fronts of two sides, two floats each.
+        let across = u64::from(cells.dims[1]) * u64::from(cells.dims[2]);
+        let densities = storage(&self.gpu, "energy densities", 2 * 2 * 8 * across)?;
         let group = self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("upwind"),
             layout: &self.layout,
@@ -158,33 +205,55 @@ impl Upwind {
                 buffer_entry(44, &densities),
             ],
         });
-        Ok(Some(Fronts { group, steps, done: 0, count, cells: cells.dims }))
+        Ok(Some(Fronts { group, steps, done: 0, spans, cells: cells.count() }))
     }
 
     /// Goes on by some fronts; whether all are done, and how many cells got light.
     pub fn advance(&self, fronts: &mut Fronts) -> (bool, u64) {
-        let [x, y, z] = fronts.cells;
-        let end = fronts.count.min(fronts.done + FRONTS_PER_SLICE);
+        let count = fronts.spans.len() as u32;
+        let end = count.min(fronts.done + FRONTS_PER_SLICE);
         let pipeline = if fronts.steps > 0 { &self.explicit } else { &self.direct };
+        let last = fronts.steps.max(1) - 1;
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
             pass.set_pipeline(pipeline);
             for front in fronts.done..end {
-                pass.set_bind_group(0, &fronts.group, &[front * UNIFORM_STRIDE as u32]);
-                for _ in 0..fronts.steps.max(1) {
-                    pass.dispatch_workgroups(y.div_ceil(GROUP), z.div_ceil(GROUP), 1);
+                let [y, z] = fronts.spans[front as usize];
+                for step in 0..=last {
+                    let which = if step == 0 { 0 } else { 1 + u32::from(step == last) };
+                    let told = STEPS.len() as u32 * front + which;
+                    pass.set_bind_group(0, &fronts.group, &[told * UNIFORM_STRIDE as u32]);
+                    pass.dispatch_workgroups(y.groups(), z.groups(), 1);
                 }
-            }
-            if end == fronts.count {
-                pass.set_pipeline(&self.pack);
-                pass.set_bind_group(0, &fronts.group, &[0]);
-                pass.dispatch_workgroups(x.div_ceil(GROUP), y.div_ceil(GROUP), z);
             }
         }
         self.gpu.queue.submit([encoder.finish()]);
         fronts.done = end;
-        let done = end == fronts.count;
-        (done, if done { u64::from(x) * u64::from(y) * u64::from(z) } else { 0 })
+        let done = end == count;
+        (done, if done { fronts.cells } else { 0 })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// No cell of a front lies outside of its span.
+    #[test]
+    fn spans_hold_their_fronts() {
+        for (dims, start) in [([5u32, 7, 4], [0u32, 6, 0]), ([5, 7, 4], [2, 3, 1]), ([1, 9, 3], [0, 0, 2])] {
+            let reach: [u32; 3] = std::array::from_fn(|axis| start[axis].max(dims[axis] - 1 - start[axis]));
+            for index in 0..dims.iter().product::<u32>() {
+                let cell = [index % dims[0], index / dims[0] % dims[1], index / dims[0] / dims[1]];
+                let away: [u32; 3] = std::array::from_fn(|axis| cell[axis].abs_diff(start[axis]));
+                let front: u32 = away.iter().sum();
+                for (axis, other) in [(1, 2), (2, 1)] {
+                    let least = front.saturating_sub(reach[0] + reach[other]);
+                    let span = Span::around(start[axis], dims[axis], least, front);
+                    assert!((span.begin..span.end).contains(&cell[axis]), "{cell:?} {span:?}");
+                }
+            }
+        }
     }
 }

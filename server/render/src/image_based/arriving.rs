@@ -10,11 +10,11 @@ use scene::spherical::sky::{Sky, SkyPixel};
 use scene::spherical::{healpix, sh};
 use scene::{Records, Scene};
 
+use crate::skies::Skies;
+
 /// The field's largest number of usual light. Half floats reach 65504 and are exact to 5e-4 down to
 /// 6e-5: above it is room for records next to a lamp, below it for shadows of a four-millionth.
 const USUAL_TEXEL: f64 = 256.0;
-/// Images whose fine maps are kept.
-const MAX_SKIES: usize = 4;
 
 /// Light without matter.
 pub struct Arriving {
@@ -28,29 +28,6 @@ pub struct Arriving {
     /// Of the paper's forms: share of the light, cut to a few bands, that was negative and is left
     /// out, 0..1.
     pub clamped_share: f64,
-}
-
-/// Fine maps of environment images, by content, least recently used first.
-#[derive(Default)]
-pub struct Skies(Vec<([u8; 32], Sky)>);
-
-impl Skies {
-    fn of(&mut self, image: &scene::EnvironmentImage) -> &Sky {
-        let content = image.content();
-        match self.0.iter().position(|(held, _)| *held == content) {
-            Some(at) => {
-                let entry = self.0.remove(at);
-                self.0.push(entry);
-            }
-            None => {
-                if self.0.len() >= MAX_SKIES {
-                    self.0.remove(0);
-                }
-                self.0.push((content, Sky::of(image)));
-            }
-        }
-        &self.0[self.0.len() - 1].1
-    }
 }
 
 /// Whether records cast a ray of their own to a light. In the paper's forms those at infinity are part
@@ -139,7 +116,10 @@ impl Arriving {
         let products = (0..count).flat_map(|k| pixels.iter().map(move |pixel| texel(k, pixel))).collect();
         let mut fluence: f64 = pixels.iter().map(|pixel| pixel.light[0]).sum::<DVec3>().max_element();
         fluence *= (4.0 * PI).sqrt();
-        fluence += lights.iter().map(|light| largest_irradiance(light, scene)).sum::<f64>();
+        // Scattered light is that of all lights.
+        let scattered = |light: &&Light| settings.exchanges > 0 || has_own_ray(light, form);
+        let near = scene.lights.iter().filter(|light| !light.is_environment()).filter(scattered);
+        fluence += near.map(|light| largest_irradiance(light, scene)).sum::<f64>();
         let glow = scene.transfer_function.points.iter().map(|point| point.emission.max_element());
         fluence += 4.0 * PI * glow.fold(0.0, f64::max);
         // A power of two, so that it changes no digit of a coefficient.
@@ -263,7 +243,7 @@ mod tests {
         let windowed = Scene { illumination: windowed, ..sun.clone() };
         let windowed = Arriving::of(&windowed, 2, 1, &mut skies);
         assert!(windowed.clamped_share < 0.5 * cut.clamped_share, "{}", windowed.clamped_share);
-        assert_eq!(skies.0.len(), 1);
+        assert_eq!(skies.len(), 1);
     }
 
     #[test]

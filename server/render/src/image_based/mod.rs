@@ -1,7 +1,9 @@
 //! Method `image_based`: records of the light that arrives, on a coarse grid (shaders/image_based/).
 
 mod arriving;
+mod exchange;
 mod passes;
+mod run;
 mod slots;
 mod stale;
 #[cfg(test)]
@@ -25,12 +27,15 @@ use crate::frame::frame_uniform;
 use crate::gpu::Gpu;
 use crate::illumination::{Inputs, Progress};
 use crate::light_field::LightField;
+use crate::skies::Skies;
 use crate::tables;
 use crate::uniforms;
 use crate::view::FilmCache;
-use arriving::{Arriving, Skies, has_own_ray};
+use arriving::{Arriving, has_own_ray};
+use exchange::Exchange;
 pub(crate) use passes::Passes;
-use passes::{Bound, Buffers, COUNTER_BYTES, COUNTERS, Chunk, PassVariant};
+use passes::{Buffers, COUNTER_BYTES, COUNTERS, Chunk};
+use run::{Run, cell_map};
 use slots::{CHUNK_SLOTS, Slots};
 use stale::{Stale, staleness};
 
@@ -82,6 +87,8 @@ struct Kept {
     /// The light that coefficients are to be the product with, and its number.
     light: Option<Lit>,
     lit: u64,
+    /// Where scattered light is exchanged.
+    exchange: Option<Exchange>,
 }
 
 struct Lit {
@@ -111,7 +118,9 @@ impl ImageBased {
         direct
             + self.kept.as_ref().map_or(0, |kept| {
                 let words = if kept.shape.glow { 4 } else { 1 };
-                kept.field.bytes() + kept.chunks.len() as u64 * Chunk::bytes(kept.shape.columns, words)
+                let exchange = kept.exchange.as_ref().map_or(0, Exchange::bytes);
+                let rays = kept.chunks.len() as u64 * Chunk::bytes(kept.shape.columns, words);
+                kept.field.bytes() + rays + exchange
             })
     }
 
@@ -156,10 +165,10 @@ impl ImageBased {
             }
             staleness_of.push((id, stale));
         }
+        kept.make_room_for_exchange(inputs, &self.passes)?;
         kept.write_scene(inputs)?;
         let distance_map = inputs.distance_map.ok_or_else(|| missing("distance map"))?;
         inputs.gpu.queue.write_buffer(&kept.buffers.counters, 0, &[0; COUNTER_BYTES as usize]);
-        let lit = kept.lit;
         let mut changed = false;
         let run = Run { passes: &self.passes, inputs, distance_map };
         let left = kept.slots.take_left();
@@ -167,52 +176,91 @@ impl ImageBased {
             run.clear(kept, &left)?;
             changed = true;
         }
-        let late = |deadline: Option<Instant>| deadline.is_some_and(|deadline| Instant::now() >= deadline);
-        'groups: for group in kept.slots.todo(base, lit) {
-            let of_base = group.base.as_ref().and_then(|base| kept.slots.base_id(base));
-            let nothing_cast = Stale::everything(kept.shape.nside, scene);
-            let stale =
-                staleness_of.iter().find(|(id, _)| Some(*id) == of_base).map_or(&nothing_cast, |(_, s)| s);
-            let changed_map = match stale.distances(scene) {
-                Some(distances) if stale.any() => Some(cell_map(inputs.gpu, scene, &distances)?),
-                _ => None,
-            };
-            let tested = changed_map.as_ref().unwrap_or(distance_map);
-            let mut rest = &group.entries[..];
-            while !rest.is_empty() {
-                let rate = if stale.any() { &mut self.millis_per_ray } else { &mut self.millis_per_product };
-                let per_record = match stale.any() {
-                    true => kept.shape.columns,
-                    false => kept.shape.columns * kept.field.bands * kept.field.bands,
-                };
-                let count = slice(rest.len(), f64::from(per_record), *rate, deadline);
-                let (now, later) = rest.split_at(count);
-                let began = Instant::now();
-                run.work(kept, group.chunk, now, stale, tested)?;
-                *rate = began.elapsed().as_secs_f64() * 1e3 / (count as f64 * f64::from(per_record));
-                kept.slots.finish(group.chunk, now, base, lit);
-                changed = true;
-                rest = later;
-                if late(deadline) && (stale.any() || !all_at_once) {
-                    break 'groups;
-                }
-            }
+        let base = Base { id: base, staleness_of, light_at_once: all_at_once };
+        let mut pace = Pace { ray: &mut self.millis_per_ray, product: &mut self.millis_per_product };
+        let mut up_to_date = renew(&run, kept, &base, &mut pace, deadline, &mut changed)?;
+        if up_to_date && arrived.done == arrived.all && kept.exchange(&run, deadline)? {
+            // What was received is part of all coefficients.
+            kept.lit += 1;
+            up_to_date = renew(&run, kept, &base, &mut pace, deadline, &mut changed)?;
         }
         if changed {
             let bytes = inputs.gpu.read_buffer(&kept.buffers.counters, COUNTER_BYTES)?;
             crate::renderer::name_counters(&COUNTERS, &bytes, counters);
         }
-        let (done, all) = (kept.slots.done(base, lit), kept.slots.len());
+        let (done, all) = (kept.slots.done(base.id, kept.lit), kept.slots.len());
         counters.insert("records".into(), all as u64);
         let clamped = kept.light.as_ref().map_or(0.0, |light| light.arriving.clamped_share);
         counters.insert("record_light_clamped_ppm".into(), (clamped * 1e6).round() as u64);
         let share = |done: u64, all: u64| if all > 0 { done as f32 / all as f32 } else { 1.0 };
+        let exchanged = kept.exchange.as_ref().map_or(1.0, Exchange::completeness);
+        let completeness = share(done as u64, all as u64).min(share(arrived.done, arrived.all));
         Ok(Progress {
-            complete: done == all && arrived.done == arrived.all,
-            completeness: share(done as u64, all as u64).min(share(arrived.done, arrived.all)),
+            complete: up_to_date && arrived.done == arrived.all && exchanged == 1.0,
+            completeness: completeness.min(exchanged),
             changed: changed || arrived.changed,
         })
     }
+}
+
+/// What records are brought up to.
+struct Base {
+    /// What rays are cast for from now on.
+    id: u32,
+    /// What is stale of the rays that were cast for each scene.
+    staleness_of: Vec<(u32, Stale)>,
+    /// Whether coefficients of the light before cannot stand beside those of the new one.
+    light_at_once: bool,
+}
+
+/// Milliseconds per ray that may have to be cast, and per product of a ray with a light.
+struct Pace<'a> {
+    ray: &'a mut f64,
+    product: &'a mut f64,
+}
+
+/// Brings rays and coefficients up to date until the deadline, at least one slice; whether all are.
+fn renew(
+    run: &Run<'_>,
+    kept: &mut Kept,
+    base: &Base,
+    pace: &mut Pace<'_>,
+    deadline: Option<Instant>,
+    changed: &mut bool,
+) -> Result<bool, RenderError> {
+    let (inputs, scene, lit) = (run.inputs, &run.inputs.snapshot.scene, kept.lit);
+    let late = |deadline: Option<Instant>| deadline.is_some_and(|deadline| Instant::now() >= deadline);
+    for group in kept.slots.todo(base.id, lit) {
+        let of_base = group.base.as_ref().and_then(|base| kept.slots.base_id(base));
+        let nothing_cast = Stale::everything(kept.shape.nside, scene);
+        let known = base.staleness_of.iter().find(|(id, _)| Some(*id) == of_base);
+        let stale = known.map_or(&nothing_cast, |(_, stale)| stale);
+        let changed_map = match stale.distances(scene) {
+            Some(distances) if stale.any() => Some(cell_map(inputs.gpu, scene, &distances)?),
+            _ => None,
+        };
+        let tested = changed_map.as_ref().unwrap_or(run.distance_map);
+        let mut rest = &group.entries[..];
+        while !rest.is_empty() {
+            let rate = if stale.any() { &mut *pace.ray } else { &mut *pace.product };
+            let per_record = match stale.any() {
+                true => kept.shape.columns,
+                false => kept.shape.columns * kept.field.bands * kept.field.bands,
+            };
+            let count = slice(rest.len(), f64::from(per_record), *rate, deadline);
+            let (now, later) = rest.split_at(count);
+            let began = Instant::now();
+            run.work(kept, group.chunk, now, stale, tested)?;
+            *rate = began.elapsed().as_secs_f64() * 1e3 / (count as f64 * f64::from(per_record));
+            kept.slots.finish(group.chunk, now, base.id, lit);
+            *changed = true;
+            rest = later;
+            if late(deadline) && (stale.any() || !base.light_at_once) {
+                return Ok(kept.slots.done(base.id, lit) == kept.slots.len());
+            }
+        }
+    }
+    Ok(kept.slots.done(base.id, lit) == kept.slots.len())
 }
 
 fn missing(what: &str) -> RenderError {
@@ -239,8 +287,11 @@ impl Shape {
         let glow = scene.glows();
         let most = if gpu.info().software { MAX_RAY_BYTES_IN_SOFTWARE } else { MAX_RAY_BYTES };
         let records = dims.iter().map(|&n| u64::from(n)).product::<u64>();
-        let bytes = |nside: u32| {
-            Chunk::bytes(columns(nside), if glow { 4 } else { 1 }) * records.div_ceil(u64::from(CHUNK_SLOTS))
+        let words = if glow { 4 } else { 1 };
+        let chunks = records.div_ceil(u64::from(CHUNK_SLOTS));
+        let bytes = |nside: u32| match settings.exchanges {
+            0 => chunks * Chunk::bytes(columns(nside), words),
+            _ => chunks * (Chunk::bytes(columns(nside), words) + Exchange::chunk_bytes(columns(nside))),
         };
         let mut nside = settings.nside;
         // From settings and volume alone, so that every way to a scene ends with the same records.
@@ -269,6 +320,7 @@ impl Kept {
             placed: None,
             light: None,
             lit: 0,
+            exchange: None,
             shape,
         })
     }
@@ -329,6 +381,36 @@ impl Kept {
         self.light = Some(Lit { snapshot: inputs.snapshot.clone(), arriving, products });
         self.lit += 1;
         Ok(at_once)
+    }
+
+    /// Has records exchange scattered light, or no longer.
+    fn make_room_for_exchange(&mut self, inputs: &Inputs<'_>, passes: &Passes) -> Result<(), RenderError> {
+        if Records::of(&inputs.snapshot.scene).exchanges == 0 {
+            self.exchange = None;
+            return Ok(());
+        }
+        if self.exchange.as_ref().is_none_or(|exchange| !exchange.fits(&self.field)) {
+            self.exchange = None;
+            self.exchange = Some(Exchange::new(inputs, &passes.exchange, &self.field)?);
+        }
+        if let Some(exchange) = &mut self.exchange {
+            exchange.make_room(inputs.gpu, self.chunks.len(), self.shape.columns)?;
+            exchange.take(inputs.snapshot);
+        }
+        Ok(())
+    }
+
+    /// Goes on with the exchange until the deadline; whether it came to its end by this.
+    fn exchange(&mut self, run: &Run<'_>, deadline: Option<Instant>) -> Result<bool, RenderError> {
+        let Some(mut exchange) = self.exchange.take() else { return Ok(false) };
+        let ended = !exchange.is_done() && exchange.advance(run, self, deadline)?;
+        self.exchange = Some(exchange);
+        Ok(ended)
+    }
+
+    /// Directions of columns.
+    fn towards(&self, scene: &Scene) -> Vec<[f32; 4]> {
+        Stale::everything(self.shape.nside, scene).columns().to_vec()
     }
 
     /// What all dispatches of a scene read.
@@ -398,16 +480,17 @@ fn same_light(old: &Scene, new: &Scene) -> bool {
     };
     let folded = |scene: &Scene| scene.materials[densest_material(scene)].phase.clone();
     let same_eye = || old.camera == new.camera && folded(old) == folded(new);
-    (a.bands, a.form, a.window) == (b.bands, b.form, b.window)
+    (a.bands, a.form, a.window, a.exchanges > 0) == (b.bands, b.form, b.window, b.exchanges > 0)
         && a.bands_read(old) == b.bands_read(new)
-        && same_lights(&old.lights, &new.lights, b.form)
+        && same_lights(&old.lights, &new.lights, b)
         && brightest(old) == brightest(new)
         && (b.form != RecordForm::Dynamic || same_eye())
 }
 
 /// Whether lights are the same, but for those that are no part of records.
-fn same_lights(old: &[Light], new: &[Light], form: RecordForm) -> bool {
-    let of_records = |light: &&Light| light.is_environment() || form != RecordForm::Product;
+fn same_lights(old: &[Light], new: &[Light], settings: Records) -> bool {
+    let all_are = settings.form != RecordForm::Product || settings.exchanges > 0;
+    let of_records = |light: &&Light| light.is_environment() || all_are;
     old.iter().filter(of_records).eq(new.iter().filter(of_records))
 }
 
@@ -415,95 +498,4 @@ fn same_lights(old: &[Light], new: &[Light], form: RecordForm) -> bool {
 fn densest_material(scene: &Scene) -> usize {
     let points = scene.transfer_function.points.iter();
     points.max_by(|a, b| a.sigma_t.total_cmp(&b.sigma_t)).map_or(0, |point| point.material)
-}
-
-/// One call's dispatches.
-struct Run<'a> {
-    passes: &'a Passes,
-    inputs: &'a Inputs<'a>,
-    distance_map: &'a wgpu::TextureView,
-}
-
-impl Run<'_> {
-    fn variant(&self, kept: &Kept) -> PassVariant {
-        let scene = &self.inputs.snapshot.scene;
-        PassVariant {
-            nearest: kept.shape.filter == Filter::Nearest,
-            quads: self.inputs.texture.quads.is_some(),
-            glow: kept.shape.glow,
-            dynamic: Records::of(scene).form == RecordForm::Dynamic,
-        }
-    }
-
-    fn bound<'b>(
-        &'b self,
-        kept: &'b Kept,
-        changed_map: &'b wgpu::TextureView,
-    ) -> Result<Bound<'b>, RenderError> {
-        let light = kept.light.as_ref().ok_or_else(|| missing("light of records"))?;
-        Ok(Bound {
-            buffers: &kept.buffers,
-            texture: self.inputs.texture,
-            tables: self.inputs.tables,
-            distance_map: self.distance_map,
-            changed_map,
-            products: &light.products,
-            field: &kept.field,
-        })
-    }
-
-    /// Casts what is stale of some records' rays, and writes their coefficients.
-    fn work(
-        &self,
-        kept: &mut Kept,
-        chunk: usize,
-        entries: &[[u32; 2]],
-        stale: &Stale,
-        changed_map: &wgpu::TextureView,
-    ) -> Result<(), RenderError> {
-        let gpu = self.inputs.gpu;
-        while kept.chunks.len() <= chunk {
-            let words = self.variant(kept).words();
-            kept.chunks.push(Chunk::new(gpu, kept.shape.columns, words)?);
-        }
-        self.write(kept, entries, stale.columns());
-        let bound = self.bound(kept, changed_map)?;
-        let (records, columns) = (entries.len() as u32, kept.directions() + kept.own_lights());
-        if stale.any() {
-            self.passes.march(self.variant(kept), &kept.chunks[chunk], &bound, records, columns);
-        }
-        self.passes.project(self.variant(kept), &kept.chunks[chunk], &bound, records);
-        gpu.wait()
-    }
-
-    /// Makes the texels of cells nothing.
-    fn clear(&self, kept: &Kept, cells: &[u32]) -> Result<(), RenderError> {
-        /// An entry with this bit is none any more; `LEFT` in the shader.
-        const LEFT: u32 = 1 << 31;
-        let Some(chunk) = kept.chunks.first() else { return Ok(()) };
-        for some in cells.chunks(CHUNK_SLOTS as usize) {
-            let entries: Vec<[u32; 2]> = some.iter().map(|cell| [0, cell | LEFT]).collect();
-            self.write(kept, &entries, &[]);
-            let bound = self.bound(kept, self.distance_map)?;
-            self.passes.project(self.variant(kept), chunk, &bound, entries.len() as u32);
-            self.inputs.gpu.wait()?;
-        }
-        Ok(())
-    }
-
-    fn write(&self, kept: &Kept, entries: &[[u32; 2]], columns: &[[f32; 4]]) {
-        let queue = &self.inputs.gpu.queue;
-        let uniform = kept.uniform(&self.inputs.snapshot.scene, entries.len() as u32);
-        queue.write_buffer(&kept.buffers.records, 0, bytemuck::bytes_of(&uniform));
-        queue.write_buffer(&kept.buffers.entries, 0, bytemuck::cast_slice(entries));
-        queue.write_buffer(&kept.buffers.columns, 0, bytemuck::cast_slice(columns));
-    }
-}
-
-/// A byte per macrocell.
-fn cell_map(gpu: &Gpu, scene: &Scene, bytes: &[u8]) -> Result<wgpu::TextureView, RenderError> {
-    let [width, height, depth] = scene.volume.macrocells.dims.map(|n| n as u32);
-    let size = wgpu::Extent3d { width, height, depth_or_array_layers: depth };
-    let (dimension, format) = (wgpu::TextureDimension::D3, wgpu::TextureFormat::R8Uint);
-    gpu.filled_texture("map of changes for records", size, dimension, format, bytes)
 }

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use crate::error::RenderError;
 use crate::gpu::{Gpu, buffer_entry, texture_entry};
+use crate::image_based::exchange;
 use crate::image_based::slots::CHUNK_SLOTS;
 use crate::light_field::LightField;
 use crate::shaders;
@@ -25,6 +26,7 @@ pub struct PassVariant {
     pub quads: bool,
     pub glow: bool,
     pub dynamic: bool,
+    pub exchanged: bool,
 }
 
 impl PassVariant {
@@ -39,6 +41,8 @@ pub struct Passes {
     gpu: Arc<Gpu>,
     march: Pass,
     project: Pass,
+    /// Of the exchange between records.
+    pub exchange: exchange::Pipelines,
 }
 
 struct Pass {
@@ -74,13 +78,15 @@ pub struct Bound<'a> {
     pub changed_map: &'a wgpu::TextureView,
     pub products: &'a wgpu::TextureView,
     pub field: &'a LightField,
+    /// What rays of the chunk received from other records.
+    pub received: Option<&'a wgpu::Buffer>,
 }
 
 impl Passes {
     pub fn new(gpu: Arc<Gpu>) -> Self {
         let march = Pass::new(&gpu, "march_records", shaders::MARCH_RECORDS, &march_entries());
         let project = Pass::new(&gpu, "project_records", shaders::PROJECT_RECORDS, &project_entries());
-        Self { gpu, march, project }
+        Self { gpu, march, project, exchange: exchange::Pipelines::default() }
     }
 
     /// Casts the rays of `records` entries, a row of workgroups for each column.
@@ -128,9 +134,12 @@ impl Passes {
                 buffer_entry(18, &buffers.counters),
                 texture_entry(19, bound.products),
                 texture_entry(20, &bound.field.view),
+                // Where nothing is received it is not read.
+                buffer_entry(21, bound.received.unwrap_or(&buffers.entries)),
             ],
         );
-        let variant = PassVariant { nearest: false, quads: false, ..variant };
+        let exchanged = bound.received.is_some();
+        let variant = PassVariant { nearest: false, quads: false, exchanged, ..variant };
         let pipeline = self.project.pipeline(&self.gpu, variant);
         let coefficients = bound.field.bands * bound.field.bands;
         self.gpu.dispatch(&pipeline, &group, [records.div_ceil(GROUP), coefficients]);
@@ -150,7 +159,6 @@ impl Chunk {
         Ok(Self { rays, renewed })
     }
 
-    #[cfg(test)]
     pub fn rays(&self) -> &wgpu::Buffer {
         &self.rays
     }
@@ -212,7 +220,11 @@ impl Pass {
                 ("QUADS", flag(variant.quads)),
                 ("GLOW", flag(variant.glow)),
             ],
-            _ => &[("GLOW", flag(variant.glow)), ("DYNAMIC", flag(variant.dynamic))],
+            _ => &[
+                ("GLOW", flag(variant.glow)),
+                ("DYNAMIC", flag(variant.dynamic)),
+                ("EXCHANGED", flag(variant.exchanged)),
+            ],
         };
         let compile = || gpu.compute_pipeline(self.label, Some(&self.layout), &self.module, constants);
         self.pipelines.get(variant, compile)
@@ -275,6 +287,7 @@ fn project_entries() -> Vec<wgpu::BindGroupLayoutEntry> {
         entry(4, buffer(UNIFORM)),
         entry(19, texture(wgpu::TextureViewDimension::D2, FLOATS)),
         entry(20, field),
+        entry(21, buffer(READ)),
     ];
     own.into_iter().chain(shared_entries()).collect()
 }

@@ -136,6 +136,15 @@ impl Slots {
         self.slots.iter_mut().filter(|slot| slot.base == from).for_each(|slot| slot.base = to);
     }
 
+    /// All that are kept, by chunk.
+    pub fn all(&self) -> Vec<(usize, Vec<[u32; 2]>)> {
+        let chunk = |(chunk, slots): (usize, &[Slot])| {
+            let kept = slots.iter().enumerate().filter(|(_, slot)| slot.record != NONE);
+            (chunk, kept.map(|(index, slot)| [index as u32, self.code(slot.record)]).collect())
+        };
+        self.slots.chunks(CHUNK_SLOTS as usize).enumerate().map(chunk).collect()
+    }
+
     /// Records that are up to date.
     pub fn done(&self, base: u32, lit: u64) -> usize {
         self.slots.iter().filter(|slot| slot.record != NONE && (slot.base, slot.lit) == (base, lit)).count()

@@ -190,8 +190,7 @@ pub fn check(scene: &Scene) -> Result<(), FieldError> {
     }
     if METHODS_BUILT.contains(&scene.method) {
         // Projections and slices show data, not light.
-        let takes_images =
-            matches!(scene.method, Method::ImageBased | Method::PhotonMap | Method::PrecomputedTransfer);
+        let takes_images = scene.method != Method::Local;
         if !scene.rendering.is_lit() || takes_images && scene.has_light_field() {
             return check_method(scene);
         }
@@ -211,7 +210,6 @@ pub fn check(scene: &Scene) -> Result<(), FieldError> {
 /// What a method that computes light ahead does not take.
 fn check_method(scene: &Scene) -> Result<(), FieldError> {
     match scene.method {
-        Method::ConvectionDiffusion if scene.has_light_field() => convection_diffusion::check(scene),
         Method::PrecomputedTransfer if scene.has_light_field() => precomputed_transfer::check(scene),
         _ => Ok(()),
     }
@@ -681,7 +679,7 @@ fn count_tiles(view: &View, plan: &Plan, counters: &mut BTreeMap<String, u64>) {
 fn centred(snapshot: &Arc<Snapshot>) -> Arc<Snapshot> {
     let scene = &snapshot.scene;
     let has_suns_apart = match scene.method {
-        Method::PhotonMap => true,
+        Method::PhotonMap | Method::ConvectionDiffusion => true,
         Method::ImageBased => scene.illumination.record_form == RecordForm::Product,
         _ => false,
     };

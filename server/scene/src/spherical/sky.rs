@@ -111,6 +111,12 @@ impl Sky {
         self.flux.iter().sum()
     }
 
+    /// Irradiance on a plane with a normal, unit, in the sky's own axes.
+    pub fn irradiance(&self, normal: DVec3) -> DVec3 {
+        let from = |(centre, flux): (DVec3, &DVec3)| *flux * centre.dot(normal).max(0.0);
+        healpix::centres(FINE_NSIDE).into_iter().zip(&self.flux).map(from).sum()
+    }
+
     /// What arrives from each pixel of a map with `nside` (a power of two no larger than the fine
     /// one's), the sky turned by `world_from_map`; `bands` 1..=6.
     pub fn pixels(&self, nside: usize, bands: usize, world_from_map: DMat3) -> Vec<SkyPixel> {

@@ -13,6 +13,7 @@ use scene::plan::changes_of_light;
 use scene::{Scene, Snapshot};
 
 use super::diffusion::{Diffusion, Grids};
+use super::outside::Outside;
 use super::passes::Passes;
 use super::settings::{bands_of, carried, grid_of, kind_of, transport_of};
 use super::stale::{Region, changed_region};
@@ -24,6 +25,7 @@ use crate::error::RenderError;
 use crate::gpu::Gpu;
 use crate::illumination::{Inputs, Progress};
 use crate::light_field::{self, Direct, LightField};
+use crate::skies::Skies;
 use crate::uniforms::Sweep;
 
 /// Pipelines of the method, for all sessions of a device; compiled when first needed.
@@ -119,7 +121,10 @@ pub(crate) struct ConvectionDiffusion {
     matter: Matter,
     slots: Vec<Slot>,
     transmittances: wgpu::Buffer,
-    diffused: Option<(Grids, wgpu::Buffer)>,
+    diffused: Option<Grids>,
+    /// Light from all around.
+    outside: Outside,
+    skies: Skies,
     field: LightField,
     /// Transmittances as view rays read them.
     direct: Slabs,
@@ -155,6 +160,8 @@ impl ConvectionDiffusion {
             slots: Vec::new(),
             transmittances: storage(gpu, "transmittances", 4 * cells.count())?,
             diffused: None,
+            outside: Outside::default(),
+            skies: Skies::default(),
             field: LightField::new(gpu, cells.dims, bands_of(scene))?,
             direct: Slabs::new(gpu, cells.dims, carried(scene).count())?,
             unfilled: Some(Region::all(&cells)),
@@ -178,7 +185,7 @@ impl ConvectionDiffusion {
 
     /// Bytes on the GPU.
     pub fn bytes(&self) -> u64 {
-        let diffused = self.diffused.as_ref().map_or(0, |(grids, leaks)| grids.bytes() + leaks.size());
+        let diffused = self.diffused.as_ref().map_or(0, Grids::bytes);
         self.field.bytes()
             + self.direct.bytes()
             + Matter::bytes(&self.cells)
@@ -189,13 +196,13 @@ impl ConvectionDiffusion {
     /// Fluence of diffused light in every cell, four floats each.
     #[cfg(test)]
     pub fn solution(&self) -> Option<&wgpu::Buffer> {
-        self.diffused.as_ref().map(|(grids, _)| &grids.solution)
+        self.diffused.as_ref().map(|grids| &grids.solution)
     }
 
     /// The unit it is told in.
     #[cfg(test)]
     pub fn scale(&self) -> f64 {
-        super::settings::scale_of(&self.snapshot.scene)
+        super::settings::scale_of(&self.snapshot.scene, &self.outside)
     }
 
     #[cfg(test)]
@@ -318,6 +325,7 @@ impl ConvectionDiffusion {
 
     /// Gives every light of the scene a slot; those that are where they were keep theirs.
     fn take_lights(&mut self, scene: &Scene) -> Result<(), RenderError> {
+        self.outside = Outside::of(scene, &mut self.skies);
         for slot in 0..self.slots.len() {
             let stays = self.slots[slot].light.as_ref().is_some_and(|(id, geometry)| {
                 carried(scene).any(|light| light.id == *id && light.geometry == *geometry)
@@ -385,9 +393,7 @@ impl ConvectionDiffusion {
     fn make_room_for_diffusion(&mut self, scene: &Scene) -> Result<(), RenderError> {
         self.diffused = None;
         if kind_of(scene) != Kind::None {
-            let grids = self.solvers.diffusion.grids(&self.cells)?;
-            let leaks = storage(&self.gpu, "leaks", 16 * self.cells.count())?;
-            self.diffused = Some((grids, leaks));
+            self.diffused = Some(self.solvers.diffusion.grids(&self.cells)?);
         }
         Ok(())
     }

@@ -141,14 +141,14 @@ impl ConvectionDiffusion {
 
     fn begin_solving(&mut self, inputs: &Inputs<'_>) -> Result<(), RenderError> {
         self.unsolved = false;
-        let Some((grids, leaks)) = &self.diffused else { return Ok(()) };
+        let Some(grids) = &self.diffused else { return Ok(()) };
         let scene = &self.snapshot.scene;
         let Solvers { passes, diffusion, .. } = &*self.solvers;
-        let light = passes.light(&self.cells, scene, &self.slots_in_order(scene), scale_of(scene))?;
+        let scale = scale_of(scene, &self.outside);
+        let light = passes.light(&self.cells, &self.outside, &self.slots_in_order(scene), scale)?;
         let bound = Bound {
             matter: &self.matter,
             grids,
-            leaks,
             lights: &inputs.lights.lights,
             transmittances: &self.transmittances,
         };
@@ -181,7 +181,7 @@ impl ConvectionDiffusion {
     }
 
     fn iterate(&mut self, iterations: u32) -> Result<(), RenderError> {
-        let Some((grids, _)) = &self.diffused else {
+        let Some(grids) = &self.diffused else {
             self.iterations = None;
             return Ok(());
         };
@@ -199,8 +199,8 @@ impl ConvectionDiffusion {
         let all = self.cells.count() as u32;
         let count = CELLS_PER_SLICE.min(all - first);
         let passes = &self.solvers.passes;
-        let scale = scale_of(scene);
-        let mut light = passes.light(&self.cells, scene, &self.slots_in_order(scene), scale)?;
+        let scale = scale_of(scene, &self.outside);
+        let mut light = passes.light(&self.cells, &self.outside, &self.slots_in_order(scene), scale)?;
         light.take(first, count);
         if first == 0 {
             self.field.set_scale(scale as f32);
@@ -209,7 +209,7 @@ impl ConvectionDiffusion {
             &light,
             &Composed {
                 matter: &self.matter,
-                diffused: self.diffused.as_ref().map(|(grids, leaks)| (grids, leaks)),
+                diffused: self.diffused.as_ref(),
                 lights: &inputs.lights.lights,
                 transmittances: &self.transmittances,
                 field: &self.field,
