@@ -86,7 +86,9 @@ pub struct Field {
     pub direct_nodes: [f32; 3],
     pub clip_blocks: u32,
     pub reach: f32,
-    pub pad: [f32; 3],
+    pub pad0: f32,
+    pub pad1: f32,
+    pub pad2: f32,
 }
 
 /// `DirectRun` of shaders/direct_light/march.wgsl.
@@ -540,7 +542,10 @@ pub fn layouts() -> Vec<Layout> {
                 bands,
             }
         ),
-        layout!("Field", Field { dims, scale, direct_cells, near, direct_nodes, clip_blocks }),
+        layout!(
+            "Field",
+            Field { dims, scale, direct_cells, near, direct_nodes, clip_blocks, reach, pad0, pad1, pad2 }
+        ),
         layout!(
             "DirectRun",
             DirectRun {

@@ -127,7 +127,7 @@ const PHOTON_MAP: Entry = Entry {
         ),
         photons(
             "262 k photons, 32 texels",
-            r#"{"illumination": {"photons": 262144, "photon_grid": 32}}"#,
+            r#"{"illumination": {"photons": 262144, "photon_events": 24, "photon_grid": 32}}"#,
             true,
         ),
         photons(
@@ -142,12 +142,12 @@ const PHOTON_MAP: Entry = Entry {
         ),
         photons(
             "262 k photons, 32 texels, refined by 64 paths",
-            r#"{"illumination": {"photons": 262144, "photon_grid": 32, "refine": true, "paths_per_pixel": 64}}"#,
+            r#"{"illumination": {"photons": 262144, "photon_events": 24, "photon_grid": 32, "refine": true, "paths_per_pixel": 64}}"#,
             true,
         ),
         photons(
             "262 k photons, 32 texels, refined by 1024 paths",
-            r#"{"illumination": {"photons": 262144, "photon_grid": 32, "refine": true, "paths_per_pixel": 1024}}"#,
+            r#"{"illumination": {"photons": 262144, "photon_events": 24, "photon_grid": 32, "refine": true, "paths_per_pixel": 1024}}"#,
             false,
         ),
     ],
