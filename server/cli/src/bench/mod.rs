@@ -3,6 +3,7 @@
 mod accuracy;
 mod bases;
 mod bone;
+mod compression;
 mod display;
 mod drawing;
 mod edits;
@@ -36,6 +37,8 @@ enum Suite {
     Skip,
     /// What an edit of a photon map saves by following only stale photons.
     Edits,
+    /// What compressing a bake of light leaves out, costs and saves.
+    Compression,
     /// Error against the step length, for smooth and sharp transfer functions.
     Steps,
     /// Light from infinity in few functions: error, projection and evaluation of each basis.
@@ -92,7 +95,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
             Suite::Accuracy => drop(accuracy::chosen(&arguments.scenes, arguments.quick)?),
             Suite::Skip | Suite::Steps => drop(chosen_scenes(&arguments.scenes)?),
             Suite::Stability => drop(chosen_methods(&arguments.methods)?),
-            Suite::Edits | Suite::Bases | Suite::Stream | Suite::Load => {}
+            Suite::Edits | Suite::Compression | Suite::Bases | Suite::Stream | Suite::Load => {}
         }
     }
     suites.into_iter().try_for_each(|suite| run_suite(suite, arguments))
@@ -115,6 +118,7 @@ fn run_suite(suite: Suite, arguments: &Arguments) -> anyhow::Result<()> {
         Suite::Skip => skip::run(&chosen_scenes(&arguments.scenes)?, arguments.quick, out),
         Suite::Steps => steps::run(&chosen_scenes(&arguments.scenes)?, out),
         Suite::Edits => edits::run(arguments.quick, out),
+        Suite::Compression => compression::run(out),
         Suite::Bases => bases::run(out),
         Suite::Stream => stream::run(out),
         Suite::Load => load::run(out),
