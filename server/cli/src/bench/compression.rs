@@ -21,7 +21,7 @@ const SCENES: [(&str, u32); 2] = [("pillars", 24), ("smoke_sky", 32)];
 /// Numbers of clusters; 0: the matrices as they are.
 const CLUSTERS: [u32; 5] = [0, 32, 64, 128, 256];
 /// Photons of a bake.
-const PHOTONS: u32 = 262_144;
+const PHOTONS: u32 = 131_072;
 /// Pixels along each axis.
 const PIXELS: u32 = 48;
 /// Times that light is edited; the quickest counts.
@@ -51,7 +51,7 @@ pub fn run(out: &Path) -> anyhow::Result<()> {
     canvas.renderer().keep_bakes(Some(Arc::new(BakeStore::open(&bakes, 1 << 32)?)));
     let mut table = Table {
         name: "compression",
-        about: json!({"device": canvas.device(), "volume": [Size::Small.volume_edge(); 3],
+        about: json!({"device": canvas.device(), "volume": vec![Size::Small.volume_edge(); 3],
             "image": [PIXELS, PIXELS], "photons": PHOTONS,
             "errors": "relative L2, to the matrices as they are and to the picture with them",
             "compression": "processor time of all threads, reading back included",
@@ -157,7 +157,7 @@ fn snapshot(
     file["illumination"] = json!({"method": "precomputed_transfer", "transfer_grid": grid,
         "transfer_photons": PHOTONS, "transfer_clusters": clusters});
     if sun > 0.0 {
-        let light = json!({"id": "sun", "type": "directional", "direction": [-0.3, -1, -0.5], "irradiance": [sun; 3]});
+        let light = json!({"id": "sun", "type": "directional", "direction": [-0.3, -1, -0.5], "irradiance": vec![sun; 3]});
         file["lights"].as_array_mut().context("a scene without lights")?.push(light);
     }
     let scene = loaded.scene(&SceneFile::from_value(file)?)?;
