@@ -862,6 +862,9 @@ pub struct Illumination {
     /// `precomputed_transfer`: bands of spherical harmonics that hold the light where matter is not
     /// isotropic, 1..6.
     pub transfer_bands: u32,
+    /// `precomputed_transfer`: clusters that the finished bake is compressed into, each a few matrices that
+    /// every texel of it is a sum of; 0 (it stays as it is) or 32..256.
+    pub transfer_clusters: u32,
 }
 
 /// How light is carried from its source over the grid, in method `convection_diffusion`.
@@ -950,6 +953,7 @@ impl Default for Illumination {
             transfer_photons: 262_144,
             transfer_events: 32,
             transfer_bands: 3,
+            transfer_clusters: 0,
         }
     }
 }

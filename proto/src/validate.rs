@@ -84,7 +84,11 @@ fn transfer(illumination: &Illumination) -> Checked {
     whole("grid", illumination.transfer_grid, 4.0, 128.0)?;
     whole("photons", illumination.transfer_photons, 1.0, f64::from(MAX_PHOTONS))?;
     whole("events", illumination.transfer_events, 1.0, 256.0)?;
-    whole("bands", illumination.transfer_bands, 1.0, f64::from(MAX_BANDS))
+    whole("bands", illumination.transfer_bands, 1.0, f64::from(MAX_BANDS))?;
+    let clusters = illumination.transfer_clusters;
+    require("illumination.transfer_clusters", clusters == 0 || (32..=256).contains(&clusters), || {
+        format!("must be 0 or from 32 to 256, got {clusters}")
+    })
 }
 
 fn ascending(field: &str, interval: Option<[f64; 2]>) -> Checked {

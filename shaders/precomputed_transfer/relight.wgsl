@@ -8,11 +8,6 @@
 @group(0) @binding(29) var<storage, read_write> sums: array<i32>;
 // Radiance of each basis light, linear RGB.
 @group(0) @binding(30) var<storage, read> light_vector: array<vec4f>;
-@group(0) @binding(31) var light_field: texture_storage_3d<rgba16float, write>;
-
-const NO_ROW = 0xffffffffu;
-// Largest number of the texture.
-const LARGEST = 65504.0;
 
 @compute @workgroup_size(64)
 fn take_in(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
@@ -44,8 +39,5 @@ fn relight(@builtin(global_invocation_id) id: vec3u) {
             radiance += response * light_vector[b].xyz;
         }
     }
-    let texel_place = vec3u(id.x % transfer.dims.x, id.x / transfer.dims.x % transfer.dims.y, id.x / (transfer.dims.x * transfer.dims.y));
-    let tile = vec3u(k % transfer.bands, 0u, k / transfer.bands) * transfer.dims;
-    let held = clamp(radiance / transfer.scale, vec3f(-LARGEST), vec3f(LARGEST));
-    textureStore(light_field, texel_place + tile, vec4f(held, select(0.0, mass, k == 0u)));
+    hold(id.x, k, radiance, mass);
 }

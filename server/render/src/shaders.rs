@@ -221,7 +221,18 @@ pub const CARRY_PHOTONS: &str = parts!(
 );
 
 /// `take_in` and `relight`.
-pub const RELIGHT: &str = parts!("precomputed_transfer/transfer.wgsl", "precomputed_transfer/relight.wgsl");
+pub const RELIGHT: &str = parts!(
+    "precomputed_transfer/transfer.wgsl",
+    "precomputed_transfer/field.wgsl",
+    "precomputed_transfer/relight.wgsl",
+);
+
+/// `light_directions` and `light_rows`: light from compressed matrices.
+pub const LIGHT_CLUSTERS: &str = parts!(
+    "precomputed_transfer/transfer.wgsl",
+    "precomputed_transfer/field.wgsl",
+    "precomputed_transfer/clusters.wgsl",
+);
 
 /// `light_coefficients`: matter in the cells of the light grid.
 pub const LIGHT_COEFFICIENTS: &str = parts!(
@@ -317,6 +328,7 @@ pub const ALL: &[(&str, &str)] = &[
     ("spread_beams", SPREAD_BEAMS),
     ("carry_photons", CARRY_PHOTONS),
     ("relight", RELIGHT),
+    ("light_clusters", LIGHT_CLUSTERS),
     ("light_coefficients", LIGHT_COEFFICIENTS),
     ("march_lines", MARCH_LINES),
     ("gather_lines", GATHER_LINES),

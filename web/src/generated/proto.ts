@@ -601,7 +601,12 @@ transfer_events: number,
  * `precomputed_transfer`: bands of spherical harmonics that hold the light where matter is not
  * isotropic, 1..6.
  */
-transfer_bands: number, };
+transfer_bands: number, 
+/**
+ * `precomputed_transfer`: clusters that the finished bake is compressed into, each a few matrices that
+ * every texel of it is a sum of; 0 (it stays as it is) or 32..256.
+ */
+transfer_clusters: number, };
 
 export type LightTransport = "characteristics" | "upwind" | "explicit";
 

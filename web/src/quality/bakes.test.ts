@@ -1,7 +1,7 @@
 import { expect, test } from "vitest";
 import { takesPictures } from "../lights/environments";
 import type { SceneFile } from "../generated/proto";
-import { directionChoices, hasBake, lightChoices } from "./bakes";
+import { clusterChoices, clusterChoicesWith, compressionInWords, directionChoices, hasBake, lightChoices } from "./bakes";
 
 const scene = (method: string, mode: string) => ({ illumination: { method }, rendering: { mode } }) as unknown as SceneFile;
 
@@ -14,7 +14,14 @@ test("only pictures of matter in light by this method are baked", () => {
 test("choices are what the server takes, by names of their own", () => {
   expect(lightChoices.map(({ value }) => Number(value))).toEqual([42, 162, 642]);
   expect(directionChoices.map(({ value }) => Number(value))).toEqual([48, 192, 768, 3072]);
+  expect(clusterChoices.map(({ value }) => Number(value))).toEqual([0, 32, 64, 128, 256]);
   expect(new Set(lightChoices.map(({ label }) => label)).size).toBe(3);
+});
+
+test("compression has the choice that a file made, and says what it left out", () => {
+  expect(clusterChoicesWith(128)).toEqual(clusterChoices);
+  expect(clusterChoicesWith(100).at(-1)).toEqual({ value: "100", label: "100 clusters" });
+  expect(compressionInWords(0.03456)).toBe("Compression leaves out 3.5 % of the bake.");
 });
 
 test("baked light takes pictures of light", () => {

@@ -19,5 +19,17 @@ export const lightChoices: readonly { value: string; label: string }[] = [
 
 export const directionChoices: readonly { value: string; label: string }[] = [48, 192, 768, 3072].map((count) => ({ value: words(count), label: words(count) }));
 
+/** Clusters that a finished bake is compressed into. */
+export const clusterChoices: readonly { value: string; label: string }[] = [{ value: "0", label: "None" }, ...[32, 64, 128, 256].map((count) => ({ value: words(count), label: `${count} clusters` }))];
+
+/** The choices, and what a scene file says beside them. */
+export const clusterChoicesWith = (count: number): { value: string; label: string }[] => {
+  const own = { value: words(count), label: `${count} clusters` };
+  return clusterChoices.some(({ value }) => value === own.value) ? [...clusterChoices] : [...clusterChoices, own];
+};
+
+/** What compression left out of the bake, in words. */
+export const compressionInWords = (error: number): string => `Compression leaves out ${(100 * error).toPrecision(2)} % of the bake.`;
+
 /** Whether light is baked for the scene: other modes show data, or single places. */
 export const hasBake = ({ illumination, rendering }: Pick<SceneFile, "illumination" | "rendering">): boolean => illumination.method === "precomputed_transfer" && rendering.mode === "volume";

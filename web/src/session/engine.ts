@@ -284,7 +284,7 @@ class Engine {
     this.edits = new EditLog();
     this.volume.forget();
     set({
-      sessionId: id, role: "editor", link: "connecting", retryAt: null, startCamera: null, startFits: false, report: null, changeReport: null, pictureReport: null, staleShares: null, editWork: null,
+      sessionId: id, role: "editor", link: "connecting", retryAt: null, startCamera: null, startFits: false, report: null, changeReport: null, pictureReport: null, staleShares: null, compressionError: null, editWork: null,
       awaitingPicture: true, progress: null, notice: null, settled: false, failure: null, fieldError: null, canUndo: false, canRedo: false,
       scene: scene ?? useSession.getState().scene,
     });

@@ -63,6 +63,8 @@ export interface SessionState {
   pictureReport: FrameReport | null;
   /** What edits would make stale, of the newest final picture whose method remembers it. */
   staleShares: StaleShares | null;
+  /** What compression left out of the newest compressed bake, relative; null before the first. */
+  compressionError: number | null;
   /** What became of this page's newest edit. */
   editWork: EditWork | null;
   /** Time until all of the light is there, milliseconds; null where it is, or cannot be told. */
@@ -101,6 +103,7 @@ export const useSession = create<SessionState>(() => ({
   changeReport: null,
   pictureReport: null,
   staleShares: null,
+  compressionError: null,
   editWork: null,
   lightMillis: null,
   progress: null,
@@ -116,10 +119,12 @@ export const isWatching = ({ role }: Pick<SessionState, "role">): boolean => rol
 
 /** What a report makes known: it may be of a change, of a picture, or of both. */
 export function reported(report: FrameReport): Partial<SessionState> {
+  const { transfer_compression_error_ppm: compression } = report.counters;
   return {
     report,
     ...(report.changes.length > 0 ? { changeReport: report } : {}),
     ...(report.stages.length > 0 ? { pictureReport: report } : {}),
+    ...(compression !== undefined ? { compressionError: compression / 1e6 } : {}),
     ...(report.stale_shares ? { staleShares: report.stale_shares } : {}),
   };
 }

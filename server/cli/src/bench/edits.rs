@@ -327,7 +327,11 @@ fn snapshot(file: Value, volume: &Arc<PreparedVolume>, epoch: u32) -> anyhow::Re
 }
 
 /// Brings light to a snapshot, for a picture of next to no pixels, and says how many milliseconds it took.
-fn finish(canvas: &mut Canvas, view: &mut View, snapshot: &Arc<Snapshot>) -> anyhow::Result<(Drawn, f64)> {
+pub(super) fn finish(
+    canvas: &mut Canvas,
+    view: &mut View,
+    snapshot: &Arc<Snapshot>,
+) -> anyhow::Result<(Drawn, f64)> {
     let target = Target { width: 2, height: 2, samples_per_pixel: 1 };
     let cpu = canvas.device().software.then(cpu_millis).flatten();
     let drawn = canvas.renderer().draw(view, &DrawRequest { snapshot, target, budget: None })?;

@@ -3,6 +3,7 @@
 mod accuracy;
 mod bases;
 mod bone;
+mod compression;
 mod display;
 mod drawing;
 mod edits;
@@ -37,6 +38,8 @@ enum Suite {
     Skip,
     /// What an edit of a photon map saves by following only stale photons.
     Edits,
+    /// What compressing a bake of light leaves out, costs and saves.
+    Compression,
     /// Error against the step length, for smooth and sharp transfer functions.
     Steps,
     /// Light from infinity in few functions: error, projection and evaluation of each basis.
@@ -99,7 +102,12 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
             Suite::Accuracy => drop(accuracy::chosen(&arguments.scenes, arguments.quick)?),
             Suite::Skip | Suite::Steps => drop(chosen_scenes(&arguments.scenes)?),
             Suite::Stability => drop(chosen_methods(&arguments.methods)?),
-            Suite::Edits | Suite::Bases | Suite::Papers | Suite::Stream | Suite::Load => {}
+            Suite::Edits
+            | Suite::Compression
+            | Suite::Bases
+            | Suite::Papers
+            | Suite::Stream
+            | Suite::Load => {}
         }
     }
     suites.into_iter().try_for_each(|suite| run_suite(suite, arguments))
@@ -122,6 +130,7 @@ fn run_suite(suite: Suite, arguments: &Arguments) -> anyhow::Result<()> {
         Suite::Skip => skip::run(&chosen_scenes(&arguments.scenes)?, arguments.quick, out),
         Suite::Steps => steps::run(&chosen_scenes(&arguments.scenes)?, out),
         Suite::Edits => edits::run(arguments.quick, out),
+        Suite::Compression => compression::run(out),
         Suite::Bases => bases::run(out),
         Suite::Papers => papers::run(&arguments.tables, arguments.quick, out),
         Suite::Stream => stream::run(out),

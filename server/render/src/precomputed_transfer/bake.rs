@@ -7,6 +7,7 @@ use scene::{Changes, Scene};
 
 use super::basis::{Basis, LightVector, mean_shown, photon_factor};
 use super::buffers::{COUNTER_BYTES, COUNTERS, Held, batch_of, matrix_bytes};
+use super::compress::{Compressed, Compressing, Shape};
 use super::keeping::{Keeping, Step};
 use super::key::key;
 use super::layout::{Layout, Share, Work, is_coloured};
@@ -54,8 +55,12 @@ pub struct Bake {
     scene: Scene,
     basis: Basis,
     mass: Mass,
-    /// Matrices and tables; `None`: there is no matter.
+    /// Matrices and tables; `None`: there is no matter, or they are compressed.
     held: Option<Held>,
+    /// Clusters to compress the finished matrices into; 0: none.
+    clusters: u32,
+    compressing: Option<Compressing>,
+    compressed: Option<Compressed>,
     pub field: LightField,
     coloured: bool,
     directions: u32,
@@ -109,6 +114,9 @@ impl Bake {
             directions_done: if held.is_some() { 0 } else { directions },
             photons_done: if held.is_some() { 0 } else { layout.photons },
             held,
+            clusters: scene.illumination.transfer_clusters,
+            compressing: None,
+            compressed: None,
             field,
             coloured,
             under_way: 0,
@@ -124,7 +132,9 @@ impl Bake {
 
     /// Whether it is, or is becoming, the bake of a scene: lights, camera and film do not matter.
     pub fn serves(&self, scene: &Scene) -> bool {
-        if self.layout != Layout::of(scene) {
+        // Compressed matrices are those of one number of clusters.
+        let recompressed = self.clusters != scene.illumination.transfer_clusters;
+        if self.layout != Layout::of(scene) || recompressed && self.compressed.is_some() {
             return false;
         }
         let changes = Changes::between(&self.scene, scene);
@@ -137,9 +147,29 @@ impl Bake {
         self.directions_done == self.directions && self.photons_done == self.layout.photons
     }
 
-    /// Whether there is nothing left to do, storing it included.
+    /// Whether there is nothing left to do, storing and compressing it included.
     pub fn is_settled(&self) -> bool {
-        self.is_complete() && self.keeping.as_ref().is_none_or(Keeping::is_idle)
+        let is_compressed = self.clusters == 0 || self.held.is_none();
+        self.is_complete() && is_compressed && self.keeping.as_ref().is_none_or(Keeping::is_idle)
+    }
+
+    /// Whether there is nothing to do but to wait for a thread.
+    pub fn waits(&self) -> bool {
+        self.compressing.as_ref().is_some_and(Compressing::waits)
+    }
+
+    /// Into how many clusters the matrices of a bake that serves the scene go.
+    pub fn compress_as(&mut self, scene: &Scene) {
+        let clusters = scene.illumination.transfer_clusters;
+        if clusters != self.clusters {
+            self.clusters = clusters;
+            self.compressing = None;
+        }
+    }
+
+    /// What compression left out of the matrices, relative L2; `None`: they are not compressed.
+    pub fn compression_error(&self) -> Option<f64> {
+        self.compressed.as_ref().map(|compressed| compressed.error)
     }
 
     /// Whether it has something of all light: what follows takes noise away and nothing else.
@@ -160,7 +190,8 @@ impl Bake {
 
     /// Bytes on the GPU.
     pub fn bytes(&self) -> u64 {
-        self.field.bytes() + self.held.as_ref().map_or(0, Held::bytes)
+        let matrices = self.held.as_ref().map_or(0, Held::bytes);
+        self.field.bytes() + matrices + self.compressed.as_ref().map_or(0, Compressed::bytes)
     }
 
     /// The light of a scene, made of basis lights.
@@ -172,6 +203,9 @@ impl Bake {
     pub fn work(&mut self, inputs: &Inputs<'_>, work: &mut Work) -> Result<(), RenderError> {
         if self.is_with_the_disk(inputs, work)? {
             return Ok(());
+        }
+        if self.is_complete() {
+            return self.compress(inputs, work);
         }
         // A batch of photons first: from then on it is known how long the rest takes.
         let began = Instant::now();
@@ -220,6 +254,22 @@ impl Bake {
             }
         }
         Ok(true)
+    }
+
+    /// A slice of compressing. Compressed matrices take the place of the others.
+    fn compress(&mut self, inputs: &Inputs<'_>, work: &mut Work) -> Result<(), RenderError> {
+        let settings = self.settings(&inputs.snapshot.scene);
+        let Some(held) = &self.held else { return Ok(()) };
+        let compressing = match &mut self.compressing {
+            Some(compressing) => compressing,
+            none => none.insert(Compressing::new(Shape::of(&settings), self.clusters)?),
+        };
+        let Some(clusters) = compressing.step(inputs.gpu, &held.matrices())? else { return Ok(()) };
+        let compressed = Compressed::new(inputs.gpu, held, &clusters, self.layout.bands)?;
+        tracing::info!(error = compressed.error, clusters = self.clusters, "baked light is compressed");
+        (self.held, self.compressing, self.compressed) = (None, None, Some(compressed));
+        work.compressed += 1;
+        Ok(())
     }
 
     fn settings(&self, scene: &Scene) -> uniforms::Transfer {
@@ -388,8 +438,11 @@ impl Bake {
     pub fn relight(&mut self, inputs: &Inputs<'_>, light: &LightVector) -> Result<(), RenderError> {
         let (gpu, scene, pipelines) = (inputs.gpu, &inputs.snapshot.scene, inputs.transfer_pipelines);
         self.field.set_scale(light.scale);
-        let Some(held) = &self.held else { return Ok(()) };
         let settings = uniforms::Transfer { scale: light.scale, ..self.settings(scene) };
+        if let Some(compressed) = &self.compressed {
+            return compressed.relight(gpu, pipelines, &settings, light, &self.field.view);
+        }
+        let Some(held) = &self.held else { return Ok(()) };
         gpu.queue.write_buffer(&held.settings, 0, bytemuck::bytes_of(&settings));
         gpu.queue.write_buffer(&held.lights, 0, bytemuck::cast_slice(&light.texels));
         let bind_group = pipelines.relight.bind(

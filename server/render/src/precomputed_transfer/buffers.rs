@@ -5,6 +5,7 @@ use super::beams::BeamSet;
 use super::keeping::Matrices;
 use super::layout::Layout;
 use super::mass::Mass;
+use super::store::PIECE_BYTES;
 use crate::error::RenderError;
 use crate::gpu::{Gpu, buffer_entry, texture_entry};
 use crate::illumination::Inputs;
@@ -20,6 +21,26 @@ pub const COUNTER_BYTES: u64 = 8 * COUNTERS as u64 + 4;
 /// Photons followed together. Part of the result: sums are rounded batch by batch.
 pub fn batch_of(gpu: &Gpu) -> u32 {
     if gpu.info().software { BATCH_SOFTWARE } else { BATCH }
+}
+
+pub fn storage() -> wgpu::BufferUsages {
+    wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST
+}
+
+/// A buffer with these bytes; what waits to be copied is bounded.
+///
+/// # Errors
+/// Out of memory.
+pub fn filled(gpu: &Gpu, label: &str, bytes: &[u8]) -> Result<wgpu::Buffer, RenderError> {
+    let buffer = gpu.buffer(label, bytes.len() as u64, storage())?;
+    for (place, piece) in bytes.chunks(PIECE_BYTES as usize).enumerate() {
+        gpu.queue.write_buffer(&buffer, place as u64 * PIECE_BYTES, piece);
+        if piece.len() as u64 == PIECE_BYTES {
+            gpu.queue.submit([]);
+            gpu.wait()?;
+        }
+    }
+    Ok(buffer)
 }
 
 /// Buffers of a bake.
@@ -77,14 +98,9 @@ impl Held {
         coloured: bool,
     ) -> Result<Self, RenderError> {
         let gpu = inputs.gpu;
-        let storage =
-            wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
+        let storage = storage();
         let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
-        let filled = |label: &str, bytes: &[u8]| {
-            let buffer = gpu.buffer(label, bytes.len() as u64, storage)?;
-            gpu.queue.write_buffer(&buffer, 0, bytes);
-            Ok::<_, RenderError>(buffer)
-        };
+        let filled = |label: &str, bytes: &[u8]| filled(gpu, label, bytes);
         let rows = mass.rows.len() as u64;
         let (scattered, _) = matrix_bytes(rows, layout.lights, layout.bands, coloured);
         let (direct, _) = matrix_bytes(rows, layout.lights, layout.bands, false);

@@ -7,8 +7,8 @@ use super::store::{Arrival, BakeStore, Done, Incoming, Key, Outgoing, PIECE_BYTE
 use crate::error::RenderError;
 use crate::gpu::Gpu;
 
-/// How long a slice waits for the disk.
-const WAIT: Duration = Duration::from_millis(2);
+/// How long a slice waits for a thread.
+pub const WAIT: Duration = Duration::from_millis(2);
 /// A bake under way is worked on at least this many times as long as it takes to be handed to the disk.
 const WORK_PER_WRITING: u32 = 20;
 
@@ -25,7 +25,56 @@ pub struct Keeping {
 enum Stage {
     Idle,
     Reading { incoming: Incoming, done: Option<Done>, at: u64 },
-    Writing { outgoing: Outgoing, waiting: Option<Vec<u8>>, at: u64, began: Instant },
+    Writing { handing: Handing, began: Instant },
+}
+
+/// Matrices on their way from the device to a thread, a piece at a time.
+pub struct Handing {
+    outgoing: Outgoing,
+    /// What there was no room for.
+    waiting: Option<Vec<u8>>,
+    at: u64,
+}
+
+/// What a slice of handing over came to.
+#[derive(Debug, PartialEq, Eq)]
+pub enum Handed {
+    /// It goes on; the matrices must stay as they are.
+    Part,
+    All,
+    /// Nobody takes any more.
+    Refused,
+}
+
+impl Handing {
+    pub fn new(outgoing: Outgoing) -> Self {
+        Self { outgoing, waiting: None, at: 0 }
+    }
+
+    /// Reads and gives the next piece.
+    ///
+    /// # Errors
+    /// GPU errors.
+    pub fn step(&mut self, gpu: &Gpu, matrices: &Matrices<'_>) -> Result<Handed, RenderError> {
+        let piece = match self.waiting.take() {
+            Some(piece) => piece,
+            None if self.at == matrices.bytes() => return Ok(Handed::All),
+            None => {
+                let piece = matrices.read(gpu, self.at)?;
+                self.at += piece.len() as u64;
+                piece
+            }
+        };
+        match self.outgoing.give(piece) {
+            Ok(true) => Ok(Handed::Part),
+            Ok(false) => Ok(Handed::Refused),
+            Err(piece) => {
+                self.waiting = Some(piece);
+                std::thread::sleep(WAIT);
+                Ok(Handed::Part)
+            }
+        }
+    }
 }
 
 /// What a slice came to.
@@ -47,7 +96,7 @@ pub enum Step {
 pub struct Matrices<'a>(pub [&'a wgpu::Buffer; 2]);
 
 impl Matrices<'_> {
-    fn bytes(&self) -> u64 {
+    pub fn bytes(&self) -> u64 {
         self.0.iter().map(|buffer| buffer.size()).sum()
     }
 
@@ -109,7 +158,7 @@ impl Keeping {
     pub fn write(&mut self, done: Done, matrices: &Matrices<'_>) {
         self.since = Instant::now();
         if let Some(outgoing) = self.store.write(self.key, done, matrices.bytes()) {
-            self.stage = Stage::Writing { outgoing, waiting: None, at: 0, began: self.since };
+            self.stage = Stage::Writing { handing: Handing::new(outgoing), began: self.since };
         }
     }
 
@@ -134,32 +183,16 @@ impl Keeping {
                 Some(Arrival::Ends) => done.map_or(Step::Missed, Step::Loaded),
                 Some(Arrival::Nothing) => Step::Missed,
             },
-            Stage::Writing { outgoing, waiting, at, began } => {
-                if *at == matrices.bytes() && waiting.is_none() {
+            Stage::Writing { handing, began } => match handing.step(gpu, matrices)? {
+                Handed::Part => Step::Busy,
+                Handed::All => {
                     self.took = began.elapsed();
                     self.since = Instant::now();
                     Step::Stored
-                } else {
-                    let piece = match waiting.take() {
-                        Some(piece) => piece,
-                        None => {
-                            let piece = matrices.read(gpu, *at)?;
-                            *at += piece.len() as u64;
-                            piece
-                        }
-                    };
-                    match outgoing.give(piece) {
-                        Ok(true) => Step::Busy,
-                        // It was said why.
-                        Ok(false) => Step::Free,
-                        Err(piece) => {
-                            *waiting = Some(piece);
-                            std::thread::sleep(WAIT);
-                            Step::Busy
-                        }
-                    }
                 }
-            }
+                // It was said why.
+                Handed::Refused => Step::Free,
+            },
         };
         if step != Step::Busy {
             self.stage = Stage::Idle;

@@ -59,6 +59,8 @@ pub struct Work {
     /// Files that bakes came from, and went to.
     pub loaded: u64,
     pub stored: u64,
+    /// Bakes that were compressed.
+    pub compressed: u64,
 }
 
 /// Share of a bake that is done, in time: directions and photons by what they were seen to take.

@@ -5,6 +5,11 @@ mod bake;
 mod basis;
 mod beams;
 mod buffers;
+mod compress;
+#[cfg(test)]
+#[allow(clippy::unwrap_used, clippy::expect_used)]
+mod compress_tests;
+mod cpca;
 mod keeping;
 mod key;
 mod layout;
@@ -86,10 +91,12 @@ impl PrecomputedTransfer {
         let Some(bake) = &mut self.bake else {
             return Err(RenderError::Gpu("a bake is missing".into()));
         };
+        bake.compress_as(scene);
         let mut work = Work::default();
         while !bake.is_settled() {
             bake.work(inputs, &mut work)?;
-            if deadline.is_some_and(|deadline| Instant::now() >= deadline) {
+            // Others may have something to do for this thread.
+            if deadline.is_some_and(|deadline| bake.waits() || Instant::now() >= deadline) {
                 break;
             }
         }
@@ -98,7 +105,7 @@ impl PrecomputedTransfer {
         if self.old.is_none() || bake.has_all_light() {
             self.old = None;
             let kept = self.lit.take().filter(|(lights, _)| *lights == scene.lights);
-            changed = work.rays + work.photons + work.loaded > 0 || kept.is_none();
+            changed = work.rays + work.photons + work.loaded + work.compressed > 0 || kept.is_none();
             let lit = match kept {
                 Some(lit) => lit,
                 None => (scene.lights.clone(), bake.light_of(scene)),
@@ -120,6 +127,9 @@ impl PrecomputedTransfer {
         count("transfer_peak_bytes", bake.peak_bytes);
         count("bakes_loaded", work.loaded);
         count("bakes_stored", work.stored);
+        if let Some(error) = bake.compression_error() {
+            count("transfer_compression_error_ppm", (error * 1e6).round() as u64);
+        }
         let progress = bake.progress();
         Ok(Progress { complete, completeness: if complete { 1.0 } else { progress.min(NEARLY) }, changed })
     }

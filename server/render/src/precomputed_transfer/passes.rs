@@ -49,6 +49,8 @@ pub struct Pipelines {
     pub carry: Module,
     pub take_in: Module,
     pub relight: Module,
+    pub light_directions: Module,
+    pub light_rows: Module,
     /// Reads nothing, but the modules declare it.
     pub sampler: wgpu::Sampler,
 }
@@ -156,6 +158,8 @@ impl Pipelines {
         let carry = with(&[(3, Uniform), (6, Write), (10, Write), (27, Read), (28, Read), (29, Write)]);
         let take_in = [(21, Read), (24, Write), (29, Write)];
         let relight = [(21, Read), (24, Write), (25, Read), (26, Read), (28, Read), (30, Read), (31, Field)];
+        let directions = [(21, Read), (24, Read), (29, Write), (30, Read)];
+        let rows = [(21, Read), (25, Read), (26, Read), (27, Read), (28, Read), (29, Write), (31, Field)];
         Self {
             march: Module::new(&gpu, "march_transfer", shaders::MARCH_TRANSFER, &march),
             spread: Module::new(&gpu, "spread_beams", shaders::SPREAD_BEAMS, &spread),
@@ -163,6 +167,8 @@ impl Pipelines {
             carry: Module::new(&gpu, "carry_photons", shaders::CARRY_PHOTONS, &carry),
             take_in: Module::new(&gpu, "take_in", shaders::RELIGHT, &take_in),
             relight: Module::new(&gpu, "relight", shaders::RELIGHT, &relight),
+            light_directions: Module::new(&gpu, "light_directions", shaders::LIGHT_CLUSTERS, &directions),
+            light_rows: Module::new(&gpu, "light_rows", shaders::LIGHT_CLUSTERS, &rows),
             sampler: gpu.device.create_sampler(&wgpu::SamplerDescriptor::default()),
             gpu,
         }
@@ -198,5 +204,13 @@ impl Pipelines {
 
     pub fn relight(&self) -> wgpu::ComputePipeline {
         self.relight.compiled(&self.gpu, None, &[])
+    }
+
+    pub fn light_directions(&self) -> wgpu::ComputePipeline {
+        self.light_directions.compiled(&self.gpu, None, &[])
+    }
+
+    pub fn light_rows(&self) -> wgpu::ComputePipeline {
+        self.light_rows.compiled(&self.gpu, None, &[])
     }
 }

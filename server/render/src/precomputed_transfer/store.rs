@@ -99,7 +99,8 @@ pub enum Arrival {
     Nothing,
 }
 
-/// A bake on its way to disk. Dropped before all bytes were given, it leaves nothing.
+/// Matrices on their way to a thread, as a rule to disk. Dropped before all bytes were given, nothing is
+/// left of them.
 pub struct Outgoing(SyncSender<Vec<u8>>);
 
 impl BakeStore {
@@ -168,7 +169,7 @@ impl BakeStore {
         if HEAD_BYTES + payload + HASH_BYTES > self.0.max_bytes {
             return None;
         }
-        let (sender, receiver) = mpsc::sync_channel(MOST_TO_WRITE);
+        let (outgoing, receiver) = Outgoing::with_room(MOST_TO_WRITE);
         let head = Head {
             magic: MAGIC,
             form: FORM,
@@ -187,7 +188,7 @@ impl BakeStore {
             shared.written.notify_all();
         };
         if spawn("write a bake", write) {
-            return Some(Outgoing(sender));
+            return Some(outgoing);
         }
         *lock(&self.0.writers) -= 1;
         None
@@ -218,6 +219,12 @@ impl Incoming {
 }
 
 impl Outgoing {
+    /// A way to a thread of somebody else, with room for some pieces.
+    pub fn with_room(pieces: usize) -> (Self, Receiver<Vec<u8>>) {
+        let (sender, receiver) = mpsc::sync_channel(pieces);
+        (Self(sender), receiver)
+    }
+
     /// Gives the next bytes, or gets them back because too much is waiting. `Ok(false)`: nobody writes any
     /// more.
     ///
@@ -380,7 +387,7 @@ fn remove(path: &Path) {
     }
 }
 
-fn spawn(name: &str, work: impl FnOnce() + Send + 'static) -> bool {
+pub(super) fn spawn(name: &str, work: impl FnOnce() + Send + 'static) -> bool {
     match std::thread::Builder::new().name(name.into()).spawn(work) {
         Ok(_) => true,
         Err(error) => {

@@ -44,13 +44,13 @@ pub fn snapshot(volume: &Arc<PreparedVolume>, patches: &[Value], bright: usize, 
 
 pub const TARGET: Target = Target { width: 16, height: 16, samples_per_pixel: 4 };
 
-fn draw(view: &mut View, snapshot: &Arc<Snapshot>) -> Drawn {
+pub fn draw(view: &mut View, snapshot: &Arc<Snapshot>) -> Drawn {
     let drawn = renderer().draw(view, &DrawRequest { snapshot, target: TARGET, budget: None }).unwrap();
     assert!(drawn.complete);
     drawn
 }
 
-fn radiance(view: &View) -> Vec<f32> {
+pub fn radiance(view: &View) -> Vec<f32> {
     renderer().radiance(view).unwrap().rgb
 }
 
@@ -75,7 +75,7 @@ fn truth(volume: &Arc<PreparedVolume>, patches: &[Value], bright: usize, paths: 
 }
 
 /// Relative L2, and the difference of the means.
-fn error(found: &[f32], truth: &[f32]) -> (f64, f64) {
+pub fn error(found: &[f32], truth: &[f32]) -> (f64, f64) {
     let pairs = || found.iter().zip(truth).map(|(a, b)| (f64::from(*a), f64::from(*b)));
     let squared: f64 = pairs().map(|(a, b)| (a - b) * (a - b)).sum();
     let all: f64 = pairs().map(|(_, b)| b * b).sum();
@@ -84,7 +84,7 @@ fn error(found: &[f32], truth: &[f32]) -> (f64, f64) {
 }
 
 /// A view brought from one scene to the next equals a fresh one, bit by bit.
-fn edited(volume: &Arc<PreparedVolume>, edits: &[(Vec<Value>, usize)]) -> Vec<BTreeMap<String, u64>> {
+pub fn edited(volume: &Arc<PreparedVolume>, edits: &[(Vec<Value>, usize)]) -> Vec<BTreeMap<String, u64>> {
     let mut view = View::new();
     let mut counters = Vec::new();
     for (epoch, (patches, bright)) in edits.iter().enumerate() {
@@ -95,7 +95,7 @@ fn edited(volume: &Arc<PreparedVolume>, edits: &[(Vec<Value>, usize)]) -> Vec<BT
     counters
 }
 
-fn image_light(rotation: [f64; 3]) -> Value {
+pub fn image_light(rotation: [f64; 3]) -> Value {
     json!({"type": "environment", "image": "sky", "rotation_degrees": rotation})
 }
 
