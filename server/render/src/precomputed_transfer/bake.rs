@@ -38,7 +38,7 @@ pub struct Bake {
     pub(super) held: Option<Held>,
     /// Clusters to compress the finished matrices into; 0: none.
     clusters: u32,
-    compressing: Option<Compressing>,
+    pub(super) compressing: Option<Compressing>,
     compressed: Option<Compressed>,
     pub field: LightField,
     pub(super) coloured: bool,

@@ -99,6 +99,8 @@ impl Bake {
             self.directions_done = 0;
         }
         self.is_behind = true;
+        // Of matrices that will be others.
+        self.compressing = None;
         self.share = Share::default();
         self.keeping = inputs.bakes.map(|store| Keeping::to_write(store, key));
         self.move_rows(inputs, texels)?;
