@@ -40,11 +40,6 @@ fn deposit(x: vec3f, way: vec3f, throughput: vec3f, sign: i32) {
     }
 }
 
-// 64-bit sum in two words; each carry is counted, so the order makes no difference.
-fn add(first: u32, amount: i32) {
-    let low = bitcast<u32>(amount);
-    let before = atomicAdd(&sums[first], low);
-    let carry = select(0u, 1u, before + low < before);
-    let high = select(0u, 0xffffffffu, amount < 0) + carry;
-    if high != 0u { atomicAdd(&sums[first + 1u], high); }
+fn add_to_word(word: u32, amount: u32) -> u32 {
+    return atomicAdd(&sums[word], amount);
 }

@@ -1,18 +1,18 @@
 // Photons from the boundary of the volume (sections 6.3.1 and 6.3.2 of the paper), each followed once for
 // all basis functions that shine from where it comes (README.md). Every interaction but the first is
 // scattered light: its share in the eight texels around it is counted in whole numbers, so the order of
-// photons makes no difference.
+// photons makes no difference, and what a photon brought can be taken away again: it is followed once more
+// through matter as it was.
 
-@group(0) @binding(10) var<storage, read_write> paths: array<Path>;
 // Pairs of low and high words: tentative collisions, cells looked up, interactions, 1024ths of throughput
 // cut off; then one word: photons unfinished.
 @group(0) @binding(6) var<storage, read_write> counters: array<atomic<u32>>;
-// Of each direction of photons: towards the light; then FUNCTIONS indices and as many weights.
-@group(0) @binding(27) var<storage, read> flights: array<vec4f>;
 // Row of each texel; NO_ROW without one.
 @group(0) @binding(28) var<storage, read> texel_rows: array<u32>;
-// As the matrices, `channels` planes of coefficients.
-@group(0) @binding(29) var<storage, read_write> sums: array<atomic<i32>>;
+// As the matrices, `channels` planes of coefficients, in units of `transfer.unit`: of whole numbers of 64
+// bits low words and high words.
+@group(0) @binding(24) var<storage, read_write> low_words: array<atomic<u32>>;
+@group(0) @binding(29) var<storage, read_write> high_words: array<atomic<u32>>;
 
 // Bands of the field.
 override BANDS: u32 = 1u;
@@ -20,60 +20,13 @@ override BANDS: u32 = 1u;
 override COLOURED: bool = false;
 
 const FUNCTIONS = 8u;
-const FLIGHT_TEXELS = 5u;
 const NO_ROW = 0xffffffffu;
-// Stages beside those of shared/path.wgsl.
-const AT = 8u;
-const DONE = 9u;
 const PHOTON_COUNTERS = 4u;
 const CUT_UNIT = 1024.0;
-// Told apart from photons of other methods.
-const KEY = 0x70767274u;
-// Shares beyond it are cut: sums of all photons of a batch stay below 2^31.
-const MOST_SHARE = 1e6;
+// Shares beyond it are cut: below 2^31.
+const MOST_SHARE = 2e9;
 var<workgroup> group_counts: array<atomic<u32>, PHOTON_COUNTERS>;
 var<workgroup> group_unfinished: atomic<u32>;
-
-fn seed() -> u32 {
-    return 0u;
-}
-
-fn clipped_matter_blocks() -> bool {
-    return steering(transfer.clip_shadows) == 1u;
-}
-
-fn flight_of(photon: u32) -> u32 {
-    return photon % transfer.flights * transfer.stride % transfer.flights;
-}
-
-// Photons enter through the faces of the box that are turned to the light, each face by what it shows of
-// itself: cosine and area of eq. 12. So none leaves at once.
-@compute @workgroup_size(64)
-fn enter_photons(@builtin(global_invocation_id) id: vec3u) {
-    always_zero = id.z;
-    let local = min(id.x, transfer.count - 1u);
-    let photon = vec2u(transfer.first + local, KEY);
-    let way = -flights[FLIGHT_TEXELS * flight_of(photon.x)].xyz;
-    var path = Path();
-    let u = unit4(draw(&path, photon));
-    let shown = abs(way) * frame.size_world.yzx * frame.size_world.zxy;
-    let all = shown.x + shown.y + shown.z;
-    let turned = select(vec3f(-0.5), vec3f(0.5), way < vec3f(0.0));
-    var place = u.xyz - 0.5;
-    if u.w * all < shown.x {
-        place.x = turned.x;
-    } else if u.w * all < shown.x + shown.y {
-        place.y = turned.y;
-    } else {
-        place.z = turned.z;
-    }
-    path.stage = FLIGHT + TO_BEGIN;
-    path.origin = place * frame.size_world;
-    path.direction = way;
-    path.throughput = vec3f(all / transfer.mean_shown);
-    path.end = FARTHEST;
-    if id.x < transfer.count { paths[local] = path; }
-}
 
 @compute @workgroup_size(64)
 fn carry_photons(
@@ -84,15 +37,26 @@ fn carry_photons(
     let inside = id.x < transfer.count;
     let local = min(id.x, transfer.count - 1u);
     var path = paths[local];
+    var blocks = vec2u(0u);
+    // Values that are loaded here and used behind the loop crash the compiler of Mesa 22's software device;
+    // this one is set in it.
+    var is_at_work = false;
+    if inside && path.stage != DONE {
+        let met = histories[path.light];
+        bins_met = met.xy;
+        blocks = met.zw;
+    }
     var interactions = 0u;
     var cut = 0.0;
     var rays = select(0u, steering(transfer.photon_rays), inside && path.stage != DONE);
     var steps = select(0u, steering(transfer.steps), rays > 0u);
     for (var i = 0u; i < rays; i++) {
-        let photon = vec2u(transfer.first + local, KEY);
+        is_at_work = true;
+        let photon = vec2u(path.light, KEY);
         if path.stage == AT { scatter_on(&path, photon); }
         if path.stage == FLIGHT + TO_BEGIN { begin_ray(&path, photon); }
         let flies = path.stage == FLIGHT;
+        let whole = max(box_interval(Ray(path.origin, path.direction), -0.5 * frame.size_world, 0.5 * frame.size_world), vec2f(0.0));
         // Lanes that do not fly have nowhere to go (see `path_trace`).
         var flight = path;
         flight.end = select(0.0, path.end, flies);
@@ -101,7 +65,12 @@ fn carry_photons(
         if outcome != UNFINISHED || !flies {
             let x = path.origin + path.t * path.direction;
             let collides = flies && outcome == COLLISION && keeps(x);
-            deposit(x, path.direction, path.throughput, photon.x, collides && path.scatterings > 0u);
+            blocks |= blocks_on_way(path.origin, path.direction, whole.x, select(whole.y, path.t, flies && outcome == COLLISION), flies);
+            // What comes before anything that changed is the same in both matters, and stays.
+            let is_stale = any((vec4u(bins_met, blocks) & transfer.query) != vec4u(0u));
+            if transfer.sign < 0 && !is_stale { path.density = f32(path.scatterings + 1u); }
+            let counts = collides && path.scatterings > 0u && f32(path.scatterings) >= path.density;
+            deposit(x, path.direction, path.throughput, photon.x, select(0, transfer.sign, counts));
             if collides {
                 path.origin = x;
                 path.scatterings += 1u;
@@ -114,6 +83,7 @@ fn carry_photons(
         if path.stage == DONE || steps == 0u { rays = 0u; }
     }
     if inside {
+        if is_at_work { histories[path.light] = vec4u(bins_met, blocks); }
         paths[local] = path;
         atomicAdd(&group_unfinished, select(1u, 0u, path.stage == DONE));
         atomicAdd(&group_counts[0], lookups.x);
@@ -131,8 +101,9 @@ fn carry_photons(
     }
 }
 
-// A photon's share in the eight texels around it, for each function it comes from.
-fn deposit(x: vec3f, way: vec3f, throughput: vec3f, photon: u32, is_there: bool) {
+// A photon's share in the eight texels around it, for each function it comes from; `sign` 1: it comes,
+// -1: it goes, 0: there is none.
+fn deposit(x: vec3f, way: vec3f, throughput: vec3f, photon: u32, sign: i32) {
     let dims = vec3f(transfer.dims);
     let place = clamp(x / frame.size_world + 0.5, vec3f(0.0), vec3f(1.0)) * dims - 0.5;
     let low = floor(place);
@@ -141,7 +112,7 @@ fn deposit(x: vec3f, way: vec3f, throughput: vec3f, photon: u32, is_there: bool)
     for (var k = 0u; k < BANDS * BANDS; k++) { harmonics[k] = spherical_harmonic(k, -way); }
     let flight = FLIGHT_TEXELS * flight_of(photon);
     // Lanes without a photon make no trip.
-    let corners = select(0u, 8u, is_there);
+    let corners = select(0u, 8u, sign != 0);
     for (var corner = 0u; corner < corners; corner++) {
         let upper = vec3u(corner & 1u, (corner >> 1u) & 1u, corner >> 2u);
         let texel_place = vec3u(clamp(low + vec3f(upper), vec3f(0.0), dims - 1.0));
@@ -155,13 +126,18 @@ fn deposit(x: vec3f, way: vec3f, throughput: vec3f, photon: u32, is_there: bool)
             let share = throughput * (weight * near.x * near.y * near.z / transfer.unit);
             let coefficients = select(0u, BANDS * BANDS, weight > 0.0);
             for (var k = 0u; k < coefficients; k++) {
-                let amounts = vec3i(round(clamp(share * harmonics[k], vec3f(-MOST_SHARE), vec3f(MOST_SHARE))));
-                if amounts.x != 0 { atomicAdd(&sums[in_matrix(k, b, row)], amounts.x); }
+                let amounts = sign * vec3i(round(clamp(share * harmonics[k], vec3f(-MOST_SHARE), vec3f(MOST_SHARE))));
+                if amounts.x != 0 { add(2u * in_matrix(k, b, row), amounts.x); }
                 if COLOURED {
-                    if amounts.y != 0 { atomicAdd(&sums[in_matrix(BANDS * BANDS + k, b, row)], amounts.y); }
-                    if amounts.z != 0 { atomicAdd(&sums[in_matrix(2u * BANDS * BANDS + k, b, row)], amounts.z); }
+                    if amounts.y != 0 { add(2u * in_matrix(BANDS * BANDS + k, b, row), amounts.y); }
+                    if amounts.z != 0 { add(2u * in_matrix(2u * BANDS * BANDS + k, b, row), amounts.z); }
                 }
             }
         }
     }
+}
+
+fn add_to_word(word: u32, amount: u32) -> u32 {
+    if (word & 1u) == 0u { return atomicAdd(&low_words[word / 2u], amount); }
+    return atomicAdd(&high_words[word / 2u], amount);
 }

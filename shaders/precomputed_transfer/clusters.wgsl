@@ -43,8 +43,8 @@ fn light_rows(@builtin(global_invocation_id) id: vec3u) {
     let row = texel_rows[id.x];
     var radiance = vec3f(0.0);
     var mass = 0.0;
-    if row != NO_ROW {
-        mass = masses[row];
+    if row != NO_ROW { mass = masses[row]; }
+    if mass > 0.0 {
         let count = arrayLength(&lit) / (transfer.bands * transfer.bands);
         let first = k * count + DIRECTIONS * clusters[row];
         for (var j = 0u; j < DIRECTIONS; j++) {

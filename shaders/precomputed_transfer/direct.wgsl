@@ -1,20 +1,33 @@
 // Light that has not been scattered yet (eq. 2 of the paper), from one direction at a time for all basis
 // functions that shine from there. Beams of equal width, side by side, cross the box; what each loses in
 // a part of its way falls to the eight texels around the middle of the loss, as a photon's share does:
-// light and extinction have the same footprint, however opaque matter is.
+// light and extinction have the same footprint, however opaque matter is. Sums are whole numbers, so what a
+// beam lost in matter as it was can be taken away again.
 
 // Of each direction.
 @group(0) @binding(22) var<storage, read> beams: array<Beams>;
 // Row of each texel; NO_ROW without one.
 @group(0) @binding(28) var<storage, read> texel_rows: array<u32>;
-// Of each row what fell to it, in units of `transfer.unit`.
+// Of each direction what fell to each row, in units of `transfer.unit`.
 @group(0) @binding(24) var<storage, read_write> fallen: array<atomic<u32>>;
+// Beams to be marched if `transfer.listed`: direction and place in its square; and how they get there.
+@group(0) @binding(33) var<storage, read> list: array<u32>;
+@group(0) @binding(34) var<storage, read_write> listed: array<u32>;
+@group(0) @binding(6) var<storage, read_write> listed_count: array<atomic<u32>>;
 
 const NO_ROW = 0xffffffffu;
 // A beam this deep in matter is dark: a millionth of it is left.
 const DARK_DEPTH = 13.8;
 // Longest part of a way that falls to one place, texels.
 const MOST_PART = 0.5;
+// Bits of a beam's place in the list; above them is its direction.
+const PLACE_BITS = 20u;
+// So far before matter that changed losses are the same as they were, voxels.
+const CHANGE_MARGIN = 2.0;
+
+// The direction that the invocation's beam comes from, and from where on its losses count.
+var<private> direction: u32;
+var<private> counted_from: f32;
 
 struct Beams {
     // Towards the light.
@@ -31,16 +44,19 @@ struct Beams {
     pad2: f32,
 }
 
-@compute @workgroup_size(64)
-fn march_transfer(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    always_zero = id.z;
-    let index = id.y * groups.x * 64u + id.x;
-    let way = -beams[transfer.direction].towards;
-    let edge = steering(beams[transfer.direction].edge);
-    // Lanes without a beam walk an empty way: see `march_records`.
-    let inside = index < edge * edge;
-    let start = beams[transfer.direction].origin + f32(index % edge) * beams[transfer.direction].across
-        + f32(index / edge) * beams[transfer.direction].down;
+// A beam's way, and the part of it that may lie in matter.
+struct BeamWay {
+    ray: Ray,
+    from_t: f32,
+    // Not beyond `from_t` where there is no such part.
+    to_t: f32,
+}
+
+fn beam_way(from_direction: u32, index: u32) -> BeamWay {
+    let way = -beams[from_direction].towards;
+    let edge = steering(beams[from_direction].edge);
+    let start = beams[from_direction].origin + f32(index % edge) * beams[from_direction].across
+        + f32(index / edge) * beams[from_direction].down;
     let enter = max(box_interval(Ray(start, way), -0.5 * frame.size_world, 0.5 * frame.size_world).x, 0.0);
     // From the box on, so that the way there costs no precision.
     let ray = Ray(start + enter * way, way);
@@ -48,8 +64,42 @@ fn march_transfer(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgro
     let kept = clip_interval(ray, whole);
     let blocks = clipped_matter_blocks();
     let from_t = select(max(kept.x, 0.0), 0.0, blocks);
-    let to_t = select(kept.y, whole.y, blocks);
-    fall(ray, from_t, select(from_t, to_t, inside && to_t > from_t));
+    return BeamWay(ray, from_t, max(select(kept.y, whole.y, blocks), from_t));
+}
+
+@compute @workgroup_size(64)
+fn march_transfer(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    always_zero = id.z;
+    var index = id.y * groups.x * 64u + id.x;
+    // Lanes without a beam walk an empty way: see `march_records`.
+    let inside = index < transfer.count;
+    direction = transfer.direction;
+    let is_listed = transfer.listed == 1u;
+    if is_listed {
+        let beam = list[min(index, transfer.count - 1u)];
+        direction = beam >> PLACE_BITS;
+        index = beam & ((1u << PLACE_BITS) - 1u);
+    }
+    let way = beam_way(direction, index);
+    let to_t = select(way.from_t, way.to_t, inside);
+    let voxel = frame.size_world / frame.voxels;
+    let margin = CHANGE_MARGIN * max(voxel.x, max(voxel.y, voxel.z));
+    counted_from = first_change(way.ray, way.from_t, select(way.from_t, to_t, is_listed)) - margin;
+    fall(way.ray, way.from_t, to_t);
+}
+
+// Lists beams of `transfer.tests` directions, from `transfer.direction` on, on whose ways matter changed.
+@compute @workgroup_size(64)
+fn list_beams(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    always_zero = id.z;
+    let index = id.y * groups.x * 64u + id.x;
+    let all = beams[transfer.direction].edge * beams[transfer.direction].edge;
+    let from_direction = transfer.direction + min(index / all, transfer.tests - 1u);
+    let way = beam_way(from_direction, index % all);
+    let to_t = select(way.from_t, way.to_t, index < all * transfer.tests);
+    if first_change(way.ray, way.from_t, to_t) < to_t {
+        listed[atomicAdd(&listed_count[0], 1u)] = (from_direction << PLACE_BITS) | (index % all);
+    }
 }
 
 fn clipped_matter_blocks() -> bool {
@@ -108,7 +158,8 @@ fn fall(ray: Ray, from_t: f32, to_t: f32) {
             next += select(0.0, 1.0, part.ends_step);
             let left = exp(-depth);
             let middle = mix(near.t, part.end.t, centre_of_light(part.sigma_t, max(depth, 1e-6)));
-            share_out(ray.origin + middle * ray.direction, transmittance * (1.0 - left));
+            let lost = select(0.0, transmittance * (1.0 - left), middle >= counted_from);
+            share_out(ray.origin + middle * ray.direction, lost);
             transmittance *= left;
             optical_depth += depth;
             near = part.end;
@@ -129,6 +180,8 @@ fn share_out(x: vec3f, lost: f32) {
         let near = select(1.0 - part, part, upper == vec3u(1u));
         let row = texel_rows[(texel_place.z * transfer.dims.y + texel_place.y) * transfer.dims.x + texel_place.x];
         let amount = u32(round(lost * near.x * near.y * near.z / transfer.unit));
-        if row != NO_ROW { atomicAdd(&fallen[row], amount); }
+        // Whole numbers wrap round: adding -1 times an amount takes it away.
+        let change = select(amount, ~amount + 1u, transfer.sign < 0);
+        if row != NO_ROW { atomicAdd(&fallen[direction * transfer.rows + row], change); }
     }
 }

@@ -17,7 +17,7 @@ struct Transfer {
     channels: u32,
     // 1: clipped matter blocks light.
     clip_shadows: u32,
-    // Photons of this dispatch: `count` from `first` on.
+    // Photons of this dispatch: `count` from `first` on; or as many as are listed.
     first: u32,
     count: u32,
     // Most interactions of a photon.
@@ -43,6 +43,16 @@ struct Transfer {
     scale: f32,
     // Cross-section of a beam over the largest mass.
     beam_area: f32,
+    // 1: photons' shares come, -1: they go.
+    sign: i32,
+    // Bins, then blocks, in which matter changed: what photons relied on is stale there.
+    query: vec4u,
+    // 1: the photons at work, or the beams, are those of the list.
+    listed: u32,
+    // Rows there were before, where rows move.
+    old_rows: u32,
+    // Directions whose beams are tested.
+    tests: u32,
     pad0: u32,
 }
 

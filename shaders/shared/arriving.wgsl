@@ -1,24 +1,8 @@
-// Rays towards light: what arrives at their beginning, and whether an edit concerns them. A module that
-// casts them says whether matter glows (`GLOW`): then emission is collected on the way.
-
-// Distances to cells in which matter changed since the rays were cast.
-@group(0) @binding(11) var changed_map: texture_3d<u32>;
+// Rays towards light: what arrives at their beginning. A module that casts them says whether matter glows
+// (`GLOW`): then emission is collected on the way.
 
 // A ray this deep in matter is dark: a millionth of the light is left.
 const DARK_DEPTH = 13.8;
-
-// Whether the way meets a cell in which matter changed.
-fn meets_change(ray: Ray, from_t: f32, to_t: f32) -> bool {
-    let grid = grid_of(ray);
-    var t = from_t;
-    var met = false;
-    while t < to_t && !met {
-        let clear_to = clear_until(changed_map, grid, t);
-        met = clear_to <= t;
-        t = clear_to;
-    }
-    return met;
-}
 
 // What arrives at the beginning of a way from matter on it, and the transmittance to its end.
 fn arriving(ray: Ray, from_t: f32, to_t: f32, counts: ptr<function, vec4u>) -> vec4f {

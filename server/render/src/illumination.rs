@@ -181,13 +181,18 @@ impl Illumination {
     /// What edits would make stale, once the light is complete, where the method remembers. It is read
     /// back once for each state of the light.
     pub fn stale_shares(&mut self, gpu: &Gpu) -> Result<Option<StaleShares>, RenderError> {
-        let Some((_, Lit::PhotonMap(map))) = self.lit.as_ref().filter(|_| self.is_complete()) else {
+        if !self.is_complete() {
             return Ok(None);
-        };
+        }
         if let Some((_, known)) = self.stale_shares.as_ref().filter(|(of, _)| *of == self.version) {
             return Ok(Some(known.clone()));
         }
-        let shares = stale_shares::of_masks("photons", &map.bins_relied_on(gpu)?);
+        let (what, bins) = match &self.lit {
+            Some((_, Lit::PhotonMap(map))) => ("photons", map.bins_relied_on(gpu)?),
+            Some((_, Lit::PrecomputedTransfer(light))) => ("baked photons", light.bins_relied_on(gpu)?),
+            _ => return Ok(None),
+        };
+        let shares = stale_shares::of_masks(what, &bins);
         self.stale_shares = shares.clone().map(|shares| (self.version, shares));
         Ok(shares)
     }
@@ -201,6 +206,15 @@ impl Illumination {
     pub fn photon_map(&self) -> Option<&PhotonMap> {
         match &self.lit {
             Some((_, Lit::PhotonMap(map))) => Some(map),
+            _ => None,
+        }
+    }
+
+    /// The baked light, if that is the method.
+    #[cfg(test)]
+    pub fn precomputed_transfer(&self) -> Option<&PrecomputedTransfer> {
+        match &self.lit {
+            Some((_, Lit::PrecomputedTransfer(light))) => Some(light),
             _ => None,
         }
     }

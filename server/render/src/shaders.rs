@@ -75,6 +75,7 @@ pub const MARCH_RECORDS: &str = parts!(
     "ray_cast/way.wgsl",
     "ray_cast/cells.wgsl",
     "ray_cast/pieces.wgsl",
+    "shared/changes.wgsl",
     "shared/arriving.wgsl",
     "image_based/records.wgsl",
     "image_based/march_records.wgsl",
@@ -90,6 +91,7 @@ pub const MARCH_DIRECT: &str = parts!(
     "ray_cast/way.wgsl",
     "ray_cast/cells.wgsl",
     "ray_cast/pieces.wgsl",
+    "shared/changes.wgsl",
     "shared/arriving.wgsl",
     "direct_light/march.wgsl",
 );
@@ -144,6 +146,8 @@ pub const TRACE_PHOTONS: &str = parts!(
     "shared/tracking.wgsl",
     "shared/onward.wgsl",
     "shared/sh.wgsl",
+    "shared/add_up.wgsl",
+    "shared/blocks.wgsl",
     "photon_map/history.wgsl",
     "photon_map/seen.wgsl",
     "photon_map/deposit.wgsl",
@@ -180,7 +184,7 @@ pub const ADD_UP_MASS: &str = parts!(
 );
 
 /// `fill_field`.
-pub const FILL_FIELD: &str = parts!("photon_map/fill.wgsl");
+pub const FILL_FIELD: &str = parts!("shared/whole_number.wgsl", "photon_map/fill.wgsl");
 
 /// `march_transfer` of method `precomputed_transfer`.
 pub const MARCH_TRANSFER: &str = parts!(
@@ -193,6 +197,7 @@ pub const MARCH_TRANSFER: &str = parts!(
     "ray_cast/way.wgsl",
     "ray_cast/cells.wgsl",
     "ray_cast/pieces.wgsl",
+    "shared/changes.wgsl",
     "precomputed_transfer/transfer.wgsl",
     "precomputed_transfer/direct.wgsl",
 );
@@ -201,7 +206,25 @@ pub const MARCH_TRANSFER: &str = parts!(
 pub const SPREAD_BEAMS: &str =
     parts!("precomputed_transfer/transfer.wgsl", "precomputed_transfer/spread.wgsl");
 
-/// `enter_photons` and `carry_photons`.
+/// `enter_photons`.
+pub const ENTER_PHOTONS: &str = parts!(
+    "shared/features.wgsl",
+    "shared/frame.wgsl",
+    "shared/ray.wgsl",
+    "shared/medium.wgsl",
+    "shared/phase.wgsl",
+    "shared/brdf.wgsl",
+    "shared/random.wgsl",
+    "shared/place.wgsl",
+    "shared/path.wgsl",
+    "shared/scatter.wgsl",
+    "shared/tracking.wgsl",
+    "precomputed_transfer/transfer.wgsl",
+    "precomputed_transfer/photons.wgsl",
+    "precomputed_transfer/enter.wgsl",
+);
+
+/// `carry_photons`.
 pub const CARRY_PHOTONS: &str = parts!(
     "shared/features.wgsl",
     "shared/frame.wgsl",
@@ -216,12 +239,24 @@ pub const CARRY_PHOTONS: &str = parts!(
     "shared/tracking.wgsl",
     "shared/onward.wgsl",
     "shared/sh.wgsl",
+    "shared/add_up.wgsl",
+    "shared/blocks.wgsl",
     "precomputed_transfer/transfer.wgsl",
+    "precomputed_transfer/photons.wgsl",
     "precomputed_transfer/carry.wgsl",
 );
 
-/// `take_in` and `relight`.
+/// `count_stale` and `list_stale`.
+pub const FIND_STALE: &str =
+    parts!("precomputed_transfer/transfer.wgsl", "precomputed_transfer/find_stale.wgsl");
+
+/// `move_rows`.
+pub const MOVE_ROWS: &str =
+    parts!("precomputed_transfer/transfer.wgsl", "precomputed_transfer/move_rows.wgsl");
+
+/// `relight`.
 pub const RELIGHT: &str = parts!(
+    "shared/whole_number.wgsl",
     "precomputed_transfer/transfer.wgsl",
     "precomputed_transfer/field.wgsl",
     "precomputed_transfer/relight.wgsl",
@@ -326,7 +361,10 @@ pub const ALL: &[(&str, &str)] = &[
     ("fill_field", FILL_FIELD),
     ("march_transfer", MARCH_TRANSFER),
     ("spread_beams", SPREAD_BEAMS),
+    ("enter_photons", ENTER_PHOTONS),
     ("carry_photons", CARRY_PHOTONS),
+    ("find_stale", FIND_STALE),
+    ("move_rows", MOVE_ROWS),
     ("relight", RELIGHT),
     ("light_clusters", LIGHT_CLUSTERS),
     ("light_coefficients", LIGHT_COEFFICIENTS),

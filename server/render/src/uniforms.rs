@@ -448,6 +448,11 @@ pub struct Transfer {
     pub photon_factor: f32,
     pub scale: f32,
     pub beam_area: f32,
+    pub sign: i32,
+    pub query: [u32; 4],
+    pub listed: u32,
+    pub old_rows: u32,
+    pub tests: u32,
     pub pad0: u32,
 }
 
@@ -672,7 +677,7 @@ pub fn layouts() -> Vec<Layout> {
             "Front",
             Front { cells, front, cell_size, from_place, light, slot, start, step, origin, pad0, pad1 }
         ),
-        layout!("Sources", Sources { ambient, count, inverse_scale, pad0, pad1, pad2, slots }),
+        layout!("Sources", Sources { ambient, count, inverse_scale, pad0, pad1, pad2, outside, slots }),
         layout!("Compose", Compose { bands, diffusion, pad0, pad1 }),
         layout!("Heat", Heat { spread, pad0, pad1, pad2 }),
         layout!("Restart", Restart { image, bins }),
@@ -721,6 +726,11 @@ pub fn layouts() -> Vec<Layout> {
                 photon_factor,
                 scale,
                 beam_area,
+                sign,
+                query,
+                listed,
+                old_rows,
+                tests,
                 pad0,
             }
         ),

@@ -18,7 +18,7 @@ export interface CostBin {
 }
 
 /** What the methods remember of. */
-const remembered: Partial<Record<Method, string>> = { photon_map: "photons", path_traced: "tiles" };
+const remembered: Partial<Record<Method, string>> = { photon_map: "photons", precomputed_transfer: "baked photons", path_traced: "tiles" };
 
 /** The shares that were told, if they are of what this method keeps. */
 export const sharesOf = (method: Method | undefined, told: StaleShares | null): StaleShares | null =>

@@ -9,7 +9,7 @@ export function BakeMark() {
   const old = useSession((state) => showsOldLight(state.frame));
   const light = useSession((state) => lightInWords(state.frame, state.lightMillis));
   if (!bakes || light === null) return null;
-  const hint = "Edits of matter are baked anew; lights can be turned and changed without that";
+  const hint = "What edits of matter touch is baked anew; lights can be turned and changed without that";
   return (
     <div className="mark bake-mark" role="status" data-old={old} title={hint} data-testid="bake-mark">
       <span className="mark-pulse" />

@@ -1,7 +1,9 @@
 //! Suite `edits`: what of a photon map an edit makes stale, and what following only that saves: the
 //! experiments of *Historygrams* (table 1) on stand-ins from formulas. What keeping histories costs, and from
-//! which share of stale photons on a map is sooner made anew: [`costs`].
+//! which share of stale photons on a map is sooner made anew: [`costs`]. Edits of baked light:
+//! [`bakes`].
 
+mod bakes;
 mod costs;
 
 use std::collections::BTreeMap;
@@ -138,6 +140,7 @@ const COLUMNS: [&str; 19] = [
 pub fn run(quick: bool, out: &Path) -> anyhow::Result<()> {
     let size = if quick { QUICK } else { USUAL };
     let mut canvas = Canvas::open()?;
+    let (of_bakes, mut wrong) = bakes::of_bakes(&mut canvas, &size, out)?;
     let mut table = Table {
         name: "edits",
         about: about(
@@ -151,7 +154,6 @@ pub fn run(quick: bool, out: &Path) -> anyhow::Result<()> {
         rows: Vec::new(),
     };
     let mut dots = Vec::new();
-    let mut wrong = Vec::new();
     let usual = EXPERIMENTS.iter().map(|experiment| (experiment, size.photons));
     let sweep = size.sweep.iter().map(|&photons| (&EXPERIMENTS[2], photons));
     for (experiment, photons) in usual.chain(sweep) {
@@ -184,7 +186,7 @@ pub fn run(quick: bool, out: &Path) -> anyhow::Result<()> {
         "speed_up",
         "same_picture",
     ]);
-    std::fs::write(out.join("edits.md"), [of_table, masks, beginning_again].join("\n"))?;
+    std::fs::write(out.join("edits.md"), [of_table, masks, beginning_again, of_bakes].join("\n"))?;
     if wrong.is_empty() {
         return Ok(());
     }

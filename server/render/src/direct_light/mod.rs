@@ -306,7 +306,7 @@ impl Kept {
 }
 
 /// Distances to macrocells with one of the bins.
-fn map_of(gpu: &Gpu, scene: &Scene, bins: u64) -> Result<wgpu::TextureView, RenderError> {
+pub(crate) fn map_of(gpu: &Gpu, scene: &Scene, bins: u64) -> Result<wgpu::TextureView, RenderError> {
     let cells = &scene.volume.macrocells;
     let bytes = distance_map(cells.dims, cells.masks(scene.filter), bins);
     let [width, height, depth] = cells.dims.map(|n| n as u32);

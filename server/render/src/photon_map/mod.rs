@@ -7,7 +7,7 @@ mod energy;
 mod field;
 mod lights;
 mod pipelines;
-mod stale;
+pub(crate) mod stale;
 #[cfg(test)]
 #[allow(clippy::unwrap_used, clippy::expect_used)]
 mod tests;

@@ -21,13 +21,19 @@ pub(crate) struct Query {
 impl Query {
     /// For photons of a light.
     pub fn between(old: &Scene, new: &Scene, light: &Light) -> Self {
-        let changes = Changes::between(old, new);
         let then = old.lights.iter().find(|other| other.id == light.id);
         let moved = then.is_none_or(|other| other.geometry != light.geometry);
+        let of_matter = Self::of_matter(old, new);
+        Self { everything: of_matter.everything || moved, ..of_matter }
+    }
+
+    /// For photons that come from where they came from.
+    pub fn of_matter(old: &Scene, new: &Scene) -> Self {
+        let changes = Changes::between(old, new);
         Self {
             bins: changes.bins & new.volume.macrocells.occurring(new.filter),
             blocks: if changes.clip { blocks_clipped_anew(old, new) } else { 0 },
-            everything: changes.volume || changes.clip_shadows || moved,
+            everything: changes.volume || changes.clip_shadows,
         }
     }
 
@@ -63,7 +69,7 @@ fn blocks_clipped_anew(old: &Scene, new: &Scene) -> u64 {
 
 /// Whether all that lies between corners of the unit box is kept, or nothing of it; `None`: neither
 /// is sure.
-fn kept(scene: &Scene, corners: &[DVec3]) -> Option<bool> {
+pub(crate) fn kept(scene: &Scene, corners: &[DVec3]) -> Option<bool> {
     let grid: &Grid = &scene.grid;
     let [low, high] = scene.clip.bounds;
     // Half-spaces: heights of the corners above the plane that keeps what is above it.

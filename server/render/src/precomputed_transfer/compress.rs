@@ -8,7 +8,7 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use nalgebra::DMatrix;
 
 use super::basis::LightVector;
-use super::buffers::{Held, filled, storage};
+use super::buffers::{Held, STORAGE, filled};
 use super::cpca::{Clusters, DIRECTIONS};
 use super::keeping::{Handed, Handing, Matrices, WAIT};
 use super::passes::{GROUP, Pipelines};
@@ -30,7 +30,7 @@ pub struct Shape {
     pub channels: usize,
     pub rows: usize,
     /// What sums of photons are multiplied with when they become light.
-    pub photon_factor: f32,
+    pub photon_factor: f64,
 }
 
 impl Shape {
@@ -40,7 +40,7 @@ impl Shape {
             coefficients: (settings.bands * settings.bands) as usize,
             channels: settings.channels as usize,
             rows: settings.rows as usize,
-            photon_factor: settings.photon_factor,
+            photon_factor: f64::from(settings.photon_factor) * f64::from(settings.unit),
         }
     }
 
@@ -50,14 +50,21 @@ impl Shape {
         let direct = self.coefficients * self.lights;
         let values = self.channels * direct;
         let mut matrices = DMatrix::zeros(values, self.rows);
+        let mut low_words = Vec::with_capacity(values * self.rows);
         let mut at = 0;
-        while at < (direct + values) * self.rows {
-            for value in bytemuck::pod_collect_to_vec::<u8, f32>(&pieces.recv().ok()?) {
+        while at < (direct + 2 * values) * self.rows {
+            for word in bytemuck::pod_collect_to_vec::<u8, u32>(&pieces.recv().ok()?) {
                 let (line, row) = (at / self.rows, at % self.rows);
                 if line < direct {
+                    let value = f32::from_bits(word);
                     (0..self.channels).for_each(|channel| matrices[(channel * direct + line, row)] = value);
+                } else if line < direct + values {
+                    low_words.push(word);
                 } else {
-                    matrices[(line - direct, row)] += self.photon_factor * value;
+                    let line = line - direct - values;
+                    let low = low_words.get(line * self.rows + row).copied().unwrap_or(0);
+                    let sum = (u64::from(word) << 32 | u64::from(low)) as i64;
+                    matrices[(line, row)] += (self.photon_factor * sum as f64) as f32;
                 }
                 at += 1;
             }
@@ -170,7 +177,7 @@ impl Compressed {
             directions: filled(gpu, "directions of clusters", bytemuck::cast_slice(laid_out.as_slice()))?,
             clusters: filled(gpu, "clusters of texels", bytemuck::cast_slice(&clusters.of))?,
             weights: filled(gpu, "weights of texels", bytemuck::cast_slice(&clusters.weights))?,
-            lit: gpu.buffer("light of directions", lit, storage())?,
+            lit: gpu.buffer("light of directions", lit, STORAGE)?,
             direction_count,
             error: clusters.error,
         })
@@ -221,8 +228,8 @@ impl Compressed {
         let coefficients = settings.bands * settings.bands;
         let texels: u32 = settings.dims.iter().product();
         let groups = [self.direction_count, texels].map(|count| count.div_ceil(GROUP));
-        gpu.dispatch(&pipelines.light_directions(), &directions, [groups[0], coefficients]);
-        gpu.dispatch(&pipelines.light_rows(), &rows, [groups[1], coefficients]);
+        gpu.dispatch(&pipelines.of(&pipelines.light_directions), &directions, [groups[0], coefficients]);
+        gpu.dispatch(&pipelines.of(&pipelines.light_rows), &rows, [groups[1], coefficients]);
         gpu.wait()
     }
 }

@@ -75,6 +75,8 @@ fn slices_and_edits_meanwhile_change_no_bit() {
     let volume = balls(20);
     let of = |density: f64, epoch| snapshot(&volume, &[clusters(64), json!({"density": density})], 0, epoch);
     let mut view = View::new();
+    // The second bake follows from the first.
+    let usual = std::mem::replace(&mut renderer().transfer_pipelines.most_stale, 1.0);
     for (step, scene) in [of(1.0, 1), of(2.0, 2)].iter().enumerate() {
         let budget = Some(Duration::from_millis(1));
         loop {
@@ -87,6 +89,7 @@ fn slices_and_edits_meanwhile_change_no_bit() {
             }
         }
     }
+    renderer().transfer_pipelines.most_stale = usual;
     assert_eq!(radiance(&view), image_of(&of(2.0, 3)));
 }
 
@@ -136,15 +139,19 @@ const SMALL: Shape = Shape { lights: 3, coefficients: 2, channels: 2, rows: 4, p
 
 #[test]
 fn both_matrices_are_added_up_whatever_the_pieces() {
-    let direct = (0..24).map(|i| i as f32);
-    let all: Vec<f32> = direct.chain((0..48).map(|i| i as f32 / 64.0)).collect();
+    let direct = (0..24).map(|i| (i as f32).to_bits());
+    // Whole numbers of 64 bits, low words and high words; some are negative.
+    let sum = |i: i64| (i << 33) * if i % 3 == 0 { -1 } else { 1 } + i;
+    let words = |half: u32| (0..48).map(move |i| (sum(i) as u64 >> (32 * half)) as u32);
+    let all: Vec<u32> = direct.chain(words(0)).chain(words(1)).collect();
     for piece in [4, 20, 1000] {
-        let (outgoing, pieces) = Outgoing::with_room(100);
-        let given = bytemuck::cast_slice::<f32, u8>(&all).chunks(piece);
+        let (outgoing, pieces) = Outgoing::with_room(200);
+        let given = bytemuck::cast_slice::<u32, u8>(&all).chunks(piece);
         given.for_each(|piece| assert_eq!(outgoing.give(piece.to_vec()), Ok(true)));
         let matrices = SMALL.gather(&pieces).unwrap();
         for (line, row) in (0..12).flat_map(|line| (0..4).map(move |row| (line, row))) {
-            let expected = ((line % 6) * 4 + row) as f32 + 10.0 * (line * 4 + row) as f32 / 64.0;
+            let scattered = (10.0 * sum((line * 4 + row) as i64) as f64) as f32;
+            let expected = ((line % 6) * 4 + row) as f32 + scattered;
             assert_eq!(matrices[(line, row)], expected);
         }
     }
@@ -169,7 +176,7 @@ fn a_thread_ends_with_who_asked_for_it() {
     let buffer = super::buffers::filled(renderer.gpu(), "matrix", &[0; 64]).unwrap();
     let (outgoing, pieces) = Outgoing::with_room(1);
     drop(pieces);
-    let handed = Handing::new(outgoing).step(renderer.gpu(), &Matrices([&buffer, &buffer])).unwrap();
+    let handed = Handing::new(outgoing).step(renderer.gpu(), &Matrices(vec![&buffer, &buffer])).unwrap();
     assert_eq!(handed, Handed::Refused);
 }
 

@@ -92,8 +92,8 @@ pub enum Step {
     Stored,
 }
 
-/// Both matrices, one behind the other.
-pub struct Matrices<'a>(pub [&'a wgpu::Buffer; 2]);
+/// What is kept of a bake, one buffer behind the other.
+pub struct Matrices<'a>(pub Vec<&'a wgpu::Buffer>);
 
 impl Matrices<'_> {
     pub fn bytes(&self) -> u64 {
@@ -101,18 +101,19 @@ impl Matrices<'_> {
     }
 
     /// The buffer that holds the byte at a place, where that is in it, and how many bytes follow there.
-    fn at(&self, place: u64) -> (&wgpu::Buffer, u64, u64) {
-        let first = self.0[0].size();
-        if place < first {
-            (self.0[0], place, first - place)
-        } else {
-            (self.0[1], place - first, self.bytes() - place)
+    fn at(&self, place: u64) -> Option<(&wgpu::Buffer, u64, u64)> {
+        let mut begins = 0;
+        for buffer in &self.0 {
+            if place < begins + buffer.size() {
+                return Some((buffer, place - begins, begins + buffer.size() - place));
+            }
+            begins += buffer.size();
         }
+        None
     }
 
     fn write(&self, gpu: &Gpu, mut place: u64, mut bytes: &[u8]) -> Result<(), RenderError> {
-        while !bytes.is_empty() {
-            let (buffer, from, room) = self.at(place);
+        while let Some((buffer, from, room)) = self.at(place).filter(|_| !bytes.is_empty()) {
             let (now, later) = bytes.split_at(room.min(bytes.len() as u64) as usize);
             gpu.queue.write_buffer(buffer, from, now);
             (place, bytes) = (place + now.len() as u64, later);
@@ -123,7 +124,7 @@ impl Matrices<'_> {
     }
 
     fn read(&self, gpu: &Gpu, place: u64) -> Result<Vec<u8>, RenderError> {
-        let (buffer, from, rest) = self.at(place);
+        let Some((buffer, from, rest)) = self.at(place) else { return Ok(Vec::new()) };
         gpu.read_part(buffer, from, rest.min(PIECE_BYTES))
     }
 
@@ -137,11 +138,22 @@ impl Matrices<'_> {
 impl Keeping {
     /// Looks for the bake in the store.
     pub fn new(store: &Arc<BakeStore>, key: Key, matrices: &Matrices<'_>) -> Self {
-        let stage = match store.read(key, matrices.bytes()) {
-            Some(incoming) => Stage::Reading { incoming, done: None, at: 0 },
-            None => Stage::Idle,
-        };
-        Self { store: store.clone(), key, stage, since: Instant::now(), took: Duration::ZERO }
+        let mut keeping = Self::to_write(store, key);
+        if let Some(incoming) = store.read(key, matrices.bytes()) {
+            keeping.stage = Stage::Reading { incoming, done: None, at: 0 };
+        }
+        keeping
+    }
+
+    /// Of a bake that followed from another one: there is nothing to be read.
+    pub fn to_write(store: &Arc<BakeStore>, key: Key) -> Self {
+        let (stage, since, took) = (Stage::Idle, Instant::now(), Duration::ZERO);
+        Self { store: store.clone(), key, stage, since, took }
+    }
+
+    /// Whether the matrices are not those of the file yet.
+    pub fn is_reading(&self) -> bool {
+        matches!(self.stage, Stage::Reading { .. })
     }
 
     /// Whether disk and matrices have nothing to do with each other now.

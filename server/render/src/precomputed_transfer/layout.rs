@@ -39,6 +39,11 @@ impl Layout {
             nearest: scene.filter == Filter::Nearest,
         }
     }
+
+    /// Directions that light is marched from.
+    pub fn directions(&self) -> u32 {
+        (12 * self.nside * self.nside) as u32
+    }
 }
 
 /// Whether albedo differs between red, green and blue.
@@ -52,6 +57,12 @@ pub fn is_coloured(scene: &Scene) -> bool {
 pub struct Work {
     pub rays: u64,
     pub photons: u64,
+    /// Of these photons those that were there before an edit.
+    pub retraced: u64,
+    /// Directions whose losses became light.
+    pub spread: u64,
+    /// Whether an edit was followed to its end.
+    pub caught_up: bool,
     pub interactions: u64,
     pub tentative_collisions: u64,
     pub cells: u64,

@@ -1,32 +1,73 @@
 //! How much extinction there is around the texels of a field, by the pass of `photon_map`: what photons
 //! are compared with, and which texels there are matrices for.
 
+use super::buffers::matrix_bytes;
+use super::layout::Layout;
+use super::reach::Reach;
 use crate::error::RenderError;
-use crate::gpu::{buffer_entry, texture_entry};
+use crate::gpu::{Gpu, buffer_entry, texture_entry};
 use crate::illumination::Inputs;
 use crate::photon_map::blocks_with;
-use crate::uniforms;
+use crate::{light_field, uniforms};
 
 /// No row: as in shaders/precomputed_transfer/.
-const NO_ROW: u32 = u32::MAX;
+pub const NO_ROW: u32 = u32::MAX;
 /// Eight sums of extinction a cell, f32.
 const MOMENTS: usize = 8;
 /// Most workgroups along an axis of a dispatch.
 const MAX_GROUPS: u32 = 65_535;
 
+/// What matrices of a session may take on a device with memory of its own, bytes.
+const MAX_BYTES: u64 = 2 << 30;
+/// The same on a software device.
+const MAX_BYTES_SOFTWARE: u64 = 256 << 20;
+/// By how much a grid that does not fit is made coarser at a time.
+const COARSER: f64 = 0.85;
+
+/// What matrices of a session may take, bytes.
+pub fn limit(gpu: &Gpu) -> u64 {
+    if gpu.info().software { MAX_BYTES_SOFTWARE } else { MAX_BYTES }
+}
+
 /// Extinction around texels.
+#[derive(PartialEq)]
 pub struct Mass {
     /// Texels.
     pub dims: [u32; 3],
-    /// Texels with matter around them, and how much: extinction integrated over the texel's share of
-    /// places.
+    /// Texels around which there may be matter, in their order, and how much there is: extinction
+    /// integrated over the texel's share of places, as far as these tell.
     pub rows: Vec<(u32, f32)>,
     /// The largest one; 1 where there is none.
     pub largest: f32,
 }
 
 impl Mass {
-    pub fn of(inputs: &Inputs<'_>, dims: [u32; 3]) -> Result<Self, RenderError> {
+    /// In the finest grid, up to the one asked for, whose matrices there is room for. `reach` is kept for the
+    /// next time.
+    ///
+    /// # Errors
+    /// GPU errors.
+    pub fn that_fits(
+        inputs: &Inputs<'_>,
+        layout: &Layout,
+        coloured: bool,
+        reach: &mut Option<Reach>,
+    ) -> Result<Self, RenderError> {
+        let (gpu, scene) = (inputs.gpu, &inputs.snapshot.scene);
+        let mut longest = layout.longest;
+        loop {
+            let dims = light_field::dims(scene, longest);
+            let kept = reach.take().filter(|reach| reach.serves(scene, dims));
+            let texels = reach.insert(kept.unwrap_or_else(|| Reach::of(scene, dims))).texels(scene);
+            let (largest, all) = matrix_bytes(texels.len() as u64, layout, coloured);
+            if largest <= gpu.max_binding_bytes() && all <= limit(gpu) || longest <= 1 {
+                return Self::of(inputs, dims, &texels);
+            }
+            longest = (f64::from(longest) * COARSER) as u32;
+        }
+    }
+
+    fn of(inputs: &Inputs<'_>, dims: [u32; 3], texels: &[u32]) -> Result<Self, RenderError> {
         let (gpu, scene, pipelines) = (inputs.gpu, &inputs.snapshot.scene, inputs.photon_pipelines);
         let Some(majorants) = inputs.majorants else {
             return Err(RenderError::Gpu("a table of the view is missing".into()));
@@ -69,12 +110,12 @@ impl Mass {
         // Beams light skins from one side.
         gpu.dispatch(&pipelines.mass(scene.filter, false), &bind_group, [columns, groups.div_ceil(columns)]);
         let bytes = gpu.read_buffer(&moments, moments_bytes)?;
-        Ok(Self::of_moments(dims, &bytemuck::pod_collect_to_vec(&bytes)))
+        Ok(Self::of_moments(dims, texels, &bytemuck::pod_collect_to_vec(&bytes)))
     }
 
     /// Adds up for each texel what the cells around it have for it. At the border both corners of a
     /// cell may be the same texel.
-    fn of_moments(dims: [u32; 3], moments: &[f32]) -> Self {
+    fn of_moments(dims: [u32; 3], texels: &[u32], moments: &[f32]) -> Self {
         let [width, height, depth] = dims.map(|n| n as usize);
         let mut sums = vec![0.0_f64; width * height * depth];
         let across = [width + 1, height + 1];
@@ -88,20 +129,20 @@ impl Mass {
                 sums[(texel(2) * height + texel(1)) * width + texel(0)] += f64::from(moment);
             }
         }
-        let row = |(texel, &sum): (usize, &f64)| (sum > 0.0).then_some((texel as u32, sum as f32));
-        let rows: Vec<(u32, f32)> = sums.iter().enumerate().filter_map(row).collect();
+        let rows: Vec<(u32, f32)> =
+            texels.iter().map(|&texel| (texel, sums[texel as usize] as f32)).collect();
         let largest = rows.iter().map(|row| row.1).fold(0.0, f32::max);
         Self { dims, rows, largest: if largest > 0.0 { largest } else { 1.0 } }
     }
+}
 
-    /// The row of each texel, or `NO_ROW`.
-    pub fn rows_of_texels(&self) -> Vec<u32> {
-        let mut rows = vec![NO_ROW; self.dims.iter().product::<u32>() as usize];
-        for (row, &(texel, _)) in self.rows.iter().enumerate() {
-            rows[texel as usize] = row as u32;
-        }
-        rows
+/// The row of each texel, or `NO_ROW`; `texels`: those that have one.
+pub fn rows_of_texels(dims: [u32; 3], texels: &[u32]) -> Vec<u32> {
+    let mut rows = vec![NO_ROW; dims.iter().product::<u32>() as usize];
+    for (row, &texel) in texels.iter().enumerate() {
+        rows[texel as usize] = row as u32;
     }
+    rows
 }
 
 #[cfg(test)]
@@ -111,7 +152,8 @@ mod tests {
 
     #[test]
     fn constants_are_those_of_the_shaders() {
-        for shader in [shaders::CARRY_PHOTONS, shaders::RELIGHT, shaders::MARCH_TRANSFER] {
+        for shader in [shaders::CARRY_PHOTONS, shaders::RELIGHT, shaders::MARCH_TRANSFER, shaders::MOVE_ROWS]
+        {
             assert!(shader.contains(&format!("const NO_ROW = {NO_ROW:#x}u;")));
         }
     }
@@ -123,10 +165,10 @@ mod tests {
         let cell = 2; // x between texels 1 and 2, y and z below the first texel
         moments[MOMENTS * cell] = 1.0;
         moments[MOMENTS * cell + 1] = 3.0;
-        let mass = Mass::of_moments([3, 1, 1], &moments);
+        let mass = Mass::of_moments([3, 1, 1], &[1, 2], &moments);
         assert_eq!(mass.rows, [(1, 1.0), (2, 3.0)]);
-        assert_eq!(mass.rows_of_texels(), [NO_ROW, 0, 1]);
-        let empty = Mass::of_moments([3, 1, 1], &[0.0; 16 * MOMENTS]);
+        assert_eq!(rows_of_texels([3, 1, 1], &[1, 2]), [NO_ROW, 0, 1]);
+        let empty = Mass::of_moments([3, 1, 1], &[], &[0.0; 16 * MOMENTS]);
         assert!(empty.rows.is_empty() && empty.largest == 1.0);
     }
 }

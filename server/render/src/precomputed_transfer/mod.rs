@@ -5,16 +5,25 @@ mod bake;
 mod basis;
 mod beams;
 mod buffers;
+mod carry;
 mod compress;
 #[cfg(test)]
 #[allow(clippy::unwrap_used, clippy::expect_used)]
 mod compress_tests;
 mod cpca;
+mod follow;
+#[cfg(test)]
+#[allow(clippy::unwrap_used, clippy::expect_used)]
+mod follow_tests;
 mod keeping;
 mod key;
 mod layout;
+mod march;
 mod mass;
+mod matter;
+mod packets;
 mod passes;
+mod reach;
 mod store;
 #[cfg(test)]
 #[allow(clippy::unwrap_used, clippy::expect_used)]
@@ -31,6 +40,7 @@ use scene::light::LightGeometry;
 use scene::{Light, Scene};
 
 use crate::error::RenderError;
+use crate::gpu::Gpu;
 use crate::illumination::{Inputs, Progress};
 use crate::light_field::LightField;
 use bake::Bake;
@@ -68,9 +78,37 @@ pub(crate) struct PrecomputedTransfer {
     lit: Option<(Vec<Light>, LightVector)>,
     /// Light in matter as it was, shown until there is something of all light in matter as it is.
     old: Option<LightField>,
+    /// Whether the newest scene waits for photons that are at work for another one.
+    waits: bool,
 }
 
 impl PrecomputedTransfer {
+    /// The bake that is, or will be, the scene's: the one there is, if it serves or can follow, or a new one.
+    fn bring<'a>(
+        bake: &'a mut Option<Bake>,
+        inputs: &Inputs<'_>,
+        old: &mut Option<LightField>,
+        lit: &mut Option<(Vec<Light>, LightVector)>,
+    ) -> Result<&'a mut Bake, RenderError> {
+        let scene = &inputs.snapshot.scene;
+        let stays = match bake {
+            Some(bake) if bake.serves(scene) => true,
+            // Photons that were taken out have to come again first.
+            Some(bake) if bake.may_follow(scene) => !bake.is_free() || bake.follow(inputs)?,
+            _ => false,
+        };
+        if !stays {
+            // The old matrices go first: both need not fit at once.
+            let was_lit = lit.take().is_some();
+            let (reach, field) = bake.take().map_or((None, None), |bake| (bake.reach, Some(bake.field)));
+            if old.is_none() && was_lit {
+                *old = field;
+            }
+            *bake = Some(Bake::new(inputs, reach)?);
+        }
+        bake.as_mut().ok_or_else(|| RenderError::Gpu("a bake is missing".into()))
+    }
+
     /// Bakes until the deadline, at least one slice of what there is to do, and lights the field with
     /// what is baked then.
     pub fn advance(
@@ -80,32 +118,32 @@ impl PrecomputedTransfer {
         counters: &mut BTreeMap<String, u64>,
     ) -> Result<Progress, RenderError> {
         let scene = &inputs.snapshot.scene;
-        if self.bake.as_ref().is_none_or(|bake| !bake.serves(scene)) {
-            // The old matrices go first: both need not fit at once.
-            let (bake, lit) = (self.bake.take(), self.lit.take());
-            if self.old.is_none() && lit.is_some() {
-                self.old = bake.map(|bake| bake.field);
-            }
-            self.bake = Some(Bake::new(inputs)?);
-        }
-        let Some(bake) = &mut self.bake else {
-            return Err(RenderError::Gpu("a bake is missing".into()));
-        };
-        bake.compress_as(scene);
         let mut work = Work::default();
-        while !bake.is_settled() {
-            bake.work(inputs, &mut work)?;
+        let bake = loop {
+            let bake = Self::bring(&mut self.bake, inputs, &mut self.old, &mut self.lit)?;
+            self.waits = !bake.serves(scene);
+            bake.compress_as(scene);
+            if bake.is_settled() && !self.waits {
+                break bake;
+            }
+            if self.waits {
+                bake.carry(inputs, &mut work)?
+            } else {
+                bake.work(inputs, &mut work)?
+            }
             // Others may have something to do for this thread.
             if deadline.is_some_and(|deadline| bake.waits() || Instant::now() >= deadline) {
-                break;
+                break bake;
             }
-        }
-        let complete = bake.is_settled();
+        };
+        let complete = bake.is_settled() && !self.waits;
         let mut changed = false;
-        if self.old.is_none() || bake.has_all_light() {
+        let is_mixed = bake.is_behind() || self.waits;
+        if !is_mixed && (self.old.is_none() || bake.has_all_light()) {
             self.old = None;
             let kept = self.lit.take().filter(|(lights, _)| *lights == scene.lights);
-            changed = work.rays + work.photons + work.loaded + work.compressed > 0 || kept.is_none();
+            let more = work.rays + work.spread + work.photons + work.loaded + work.compressed;
+            changed = more > 0 || work.caught_up || kept.is_none();
             let lit = match kept {
                 Some(lit) => lit,
                 None => (scene.lights.clone(), bake.light_of(scene)),
@@ -118,6 +156,8 @@ impl PrecomputedTransfer {
         let mut count = |name: &str, value: u64| counters.insert(name.to_owned(), value);
         count("transfer_rays_marched", work.rays);
         count("transfer_photons_traced", work.photons);
+        count("transfer_photons_retraced", work.retraced);
+        count("transfer_photons_kept", bake.kept);
         count("transfer_interactions", work.interactions);
         count("tentative_collisions", work.tentative_collisions);
         count("cells_looked_up", work.cells);
@@ -140,7 +180,19 @@ impl PrecomputedTransfer {
 
     /// Whether what is shown is light in matter as it was.
     pub fn shows_old_light(&self) -> bool {
-        self.old.is_some()
+        let is_mixed = self.waits || self.bake.as_ref().is_some_and(Bake::is_behind);
+        self.old.is_some() || is_mixed && self.lit.is_some()
+    }
+
+    /// Bins that photons relied on: of all, or of many the first, which are as random as the others.
+    pub fn bins_relied_on(&self, gpu: &Gpu) -> Result<Vec<u64>, RenderError> {
+        self.bake.as_ref().map_or(Ok(Vec::new()), |bake| bake.bins_relied_on(gpu))
+    }
+
+    /// The bake, for tests of what it holds.
+    #[cfg(test)]
+    pub fn bake(&self) -> Option<&Bake> {
+        self.bake.as_ref()
     }
 
     pub fn bytes(&self) -> u64 {

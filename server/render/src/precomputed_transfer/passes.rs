@@ -1,5 +1,6 @@
 //! Pipelines of method `precomputed_transfer`.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use proto::scene_file::Filter;
@@ -14,6 +15,10 @@ use crate::volume_texture::VolumeTexture;
 
 /// Invocations of a workgroup, as in the shaders.
 pub const GROUP: u32 = 64;
+
+/// Where more photons than this share are stale, all are followed anew: each stale one is followed twice,
+/// to be taken out and to come again.
+const MOST_STALE: f64 = 0.4;
 
 /// A compiled specialisation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -40,19 +45,48 @@ impl Variant {
     }
 }
 
+/// WGSL.
+type Source = Cow<'static, str>;
+
+/// Of the modules that edits of matter depend on.
+pub struct Sources {
+    pub march: Source,
+    pub enter: Source,
+    pub carry: Source,
+    pub find_stale: Source,
+    pub move_rows: Source,
+}
+
+impl Default for Sources {
+    fn default() -> Self {
+        Self {
+            march: shaders::MARCH_TRANSFER.into(),
+            enter: shaders::ENTER_PHOTONS.into(),
+            carry: shaders::CARRY_PHOTONS.into(),
+            find_stale: shaders::FIND_STALE.into(),
+            move_rows: shaders::MOVE_ROWS.into(),
+        }
+    }
+}
+
 /// Compiled when first needed; one for all sessions.
 pub struct Pipelines {
     gpu: Arc<Gpu>,
     pub march: Module,
+    pub list_beams: Module,
     pub spread: Module,
     pub enter: Module,
     pub carry: Module,
-    pub take_in: Module,
+    pub count_stale: Module,
+    pub list_stale: Module,
+    pub move_rows: Module,
     pub relight: Module,
     pub light_directions: Module,
     pub light_rows: Module,
     /// Reads nothing, but the modules declare it.
     pub sampler: wgpu::Sampler,
+    /// Where more photons than this share are stale, 0 to 1, a bake is made anew.
+    pub most_stale: f64,
 }
 
 /// An entry point with its layout.
@@ -65,7 +99,7 @@ pub struct Module {
 }
 
 impl Module {
-    fn new(gpu: &Gpu, entry_point: &'static str, source: &'static str, entries: &[Entry]) -> Self {
+    fn new(gpu: &Gpu, entry_point: &'static str, source: Source, entries: &[Entry]) -> Self {
         let device = &gpu.device;
         let entries: Vec<_> = entries.iter().map(|&(binding, kind)| kind.layout(binding)).collect();
         let bindings = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
@@ -79,7 +113,7 @@ impl Module {
         });
         let shader = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some(entry_point),
-            source: wgpu::ShaderSource::Wgsl(source.into()),
+            source: wgpu::ShaderSource::Wgsl(source),
         });
         Self { entry_point, shader, bindings, layout, pipelines: Variants::default() }
     }
@@ -148,46 +182,70 @@ impl Kind {
 
 impl Pipelines {
     pub fn new(gpu: Arc<Gpu>) -> Self {
+        Self::of_sources(gpu, Sources::default())
+    }
+
+    /// With other sources of some of the modules.
+    pub fn of_sources(gpu: Arc<Gpu>, sources: Sources) -> Self {
         use Kind::{Cells, Field, Read, Sampler, Table, Uniform, Volume, Write};
         let matter =
             [(0, Uniform), (1, Table), (2, Table), (7, Volume), (8, Sampler), (9, Cells), (21, Read)];
         let with = |more: &[Entry]| matter.iter().chain(more).copied().collect::<Vec<_>>();
-        let march = with(&[(12, Volume), (22, Read), (24, Write), (28, Read)]);
-        let spread = [(21, Read), (23, Read), (24, Write), (26, Write)];
-        let enter = [(0, Uniform), (10, Write), (21, Read), (27, Read)];
-        let carry = with(&[(3, Uniform), (6, Write), (10, Write), (27, Read), (28, Read), (29, Write)]);
-        let take_in = [(21, Read), (24, Write), (29, Write)];
-        let relight = [(21, Read), (24, Write), (25, Read), (26, Read), (28, Read), (30, Read), (31, Field)];
+        let march = with(&[(11, Cells), (12, Volume), (22, Read), (24, Write), (28, Read), (33, Read)]);
+        let list_beams = [(0, Uniform), (6, Write), (11, Cells), (21, Read), (22, Read), (34, Write)];
+        let spread = [(21, Read), (23, Read), (24, Read), (26, Write)];
+        let enter = [(0, Uniform), (10, Write), (21, Read), (27, Read), (32, Write), (33, Read)];
+        let mut carry = with(&[(3, Uniform), (27, Read), (28, Read)]);
+        carry.extend([6, 10, 24, 29, 32].map(|binding| (binding, Write)));
+        let count_stale = [(21, Read), (32, Read), (34, Write)];
+        let list_stale = [(21, Read), (32, Read), (33, Write), (34, Write)];
+        let move_rows = [(21, Read), (29, Read), (35, Write), (36, Read)];
+        let mut relight = [21, 24, 25, 26, 28, 29, 30].map(|binding| (binding, Read)).to_vec();
+        relight.push((31, Field));
         let directions = [(21, Read), (24, Read), (29, Write), (30, Read)];
         let rows = [(21, Read), (25, Read), (26, Read), (27, Read), (28, Read), (29, Write), (31, Field)];
         Self {
-            march: Module::new(&gpu, "march_transfer", shaders::MARCH_TRANSFER, &march),
-            spread: Module::new(&gpu, "spread_beams", shaders::SPREAD_BEAMS, &spread),
-            enter: Module::new(&gpu, "enter_photons", shaders::CARRY_PHOTONS, &enter),
-            carry: Module::new(&gpu, "carry_photons", shaders::CARRY_PHOTONS, &carry),
-            take_in: Module::new(&gpu, "take_in", shaders::RELIGHT, &take_in),
-            relight: Module::new(&gpu, "relight", shaders::RELIGHT, &relight),
-            light_directions: Module::new(&gpu, "light_directions", shaders::LIGHT_CLUSTERS, &directions),
-            light_rows: Module::new(&gpu, "light_rows", shaders::LIGHT_CLUSTERS, &rows),
+            march: Module::new(&gpu, "march_transfer", sources.march.clone(), &march),
+            list_beams: Module::new(&gpu, "list_beams", sources.march, &list_beams),
+            spread: Module::new(&gpu, "spread_beams", shaders::SPREAD_BEAMS.into(), &spread),
+            enter: Module::new(&gpu, "enter_photons", sources.enter, &enter),
+            carry: Module::new(&gpu, "carry_photons", sources.carry, &carry),
+            count_stale: Module::new(&gpu, "count_stale", sources.find_stale.clone(), &count_stale),
+            list_stale: Module::new(&gpu, "list_stale", sources.find_stale, &list_stale),
+            move_rows: Module::new(&gpu, "move_rows", sources.move_rows, &move_rows),
+            relight: Module::new(&gpu, "relight", shaders::RELIGHT.into(), &relight),
+            light_directions: Module::new(
+                &gpu,
+                "light_directions",
+                shaders::LIGHT_CLUSTERS.into(),
+                &directions,
+            ),
+            light_rows: Module::new(&gpu, "light_rows", shaders::LIGHT_CLUSTERS.into(), &rows),
             sampler: gpu.device.create_sampler(&wgpu::SamplerDescriptor::default()),
+            most_stale: MOST_STALE,
             gpu,
         }
     }
 
     pub fn march(&self, variant: Variant) -> wgpu::ComputePipeline {
+        self.of_beams(&self.march, variant)
+    }
+
+    pub fn list_beams(&self, variant: Variant) -> wgpu::ComputePipeline {
+        self.of_beams(&self.list_beams, variant)
+    }
+
+    fn of_beams(&self, module: &Module, variant: Variant) -> wgpu::ComputePipeline {
         let filter = if variant.nearest { 2.0 } else { 1.0 };
         let constants = [("FILTER", filter), ("QUADS", f64::from(u8::from(variant.quads)))];
         // All that differs otherwise is not in this module.
         let variant = Variant { bands: 0, coloured: false, features: Features::default(), ..variant };
-        self.march.compiled(&self.gpu, Some(variant), &constants)
+        module.compiled(&self.gpu, Some(variant), &constants)
     }
 
-    pub fn spread(&self) -> wgpu::ComputePipeline {
-        self.spread.compiled(&self.gpu, None, &[])
-    }
-
-    pub fn enter(&self) -> wgpu::ComputePipeline {
-        self.enter.compiled(&self.gpu, None, &[])
+    /// A module that is the same for all scenes.
+    pub fn of(&self, module: &Module) -> wgpu::ComputePipeline {
+        module.compiled(&self.gpu, None, &[])
     }
 
     pub fn carry(&self, variant: Variant) -> wgpu::ComputePipeline {
@@ -196,21 +254,5 @@ impl Pipelines {
         constants.push(("BANDS", f64::from(variant.bands)));
         constants.push(("COLOURED", f64::from(u8::from(variant.coloured))));
         self.carry.compiled(&self.gpu, Some(Variant { quads: false, ..variant }), &constants)
-    }
-
-    pub fn take_in(&self) -> wgpu::ComputePipeline {
-        self.take_in.compiled(&self.gpu, None, &[])
-    }
-
-    pub fn relight(&self) -> wgpu::ComputePipeline {
-        self.relight.compiled(&self.gpu, None, &[])
-    }
-
-    pub fn light_directions(&self) -> wgpu::ComputePipeline {
-        self.light_directions.compiled(&self.gpu, None, &[])
-    }
-
-    pub fn light_rows(&self) -> wgpu::ComputePipeline {
-        self.light_rows.compiled(&self.gpu, None, &[])
     }
 }

@@ -36,7 +36,7 @@ const MOST_READ: usize = 2;
 const PATIENCE: Duration = Duration::from_millis(50);
 const MAGIC: [u8; 8] = *b"TYNDBAKE";
 /// Version of the file's form.
-const FORM: u32 = 1;
+const FORM: u32 = 2;
 const HASH_BYTES: u64 = 32;
 const EXTENSION: &str = "bake";
 const UNFINISHED: &str = "part";
@@ -145,10 +145,15 @@ impl BakeStore {
         self.0.checkpoint_interval
     }
 
+    /// Whether there is a file of the bake.
+    pub(super) fn has(&self, key: &Key) -> bool {
+        self.0.path(key).exists()
+    }
+
     /// Begins to read a bake with this many bytes of matrices; `None`: there is none.
     pub(super) fn read(&self, key: Key, payload: u64) -> Option<Incoming> {
         let path = self.0.path(&key);
-        if !path.exists() {
+        if !self.has(&key) {
             return None;
         }
         let (sender, receiver) = mpsc::sync_channel(MOST_READ);
