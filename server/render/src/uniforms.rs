@@ -672,7 +672,7 @@ pub fn layouts() -> Vec<Layout> {
             "Front",
             Front { cells, front, cell_size, from_place, light, slot, start, step, origin, pad0, pad1 }
         ),
-        layout!("Sources", Sources { ambient, count, inverse_scale, pad0, pad1, pad2, slots }),
+        layout!("Sources", Sources { ambient, count, inverse_scale, pad0, pad1, pad2, outside, slots }),
         layout!("Compose", Compose { bands, diffusion, pad0, pad1 }),
         layout!("Heat", Heat { spread, pad0, pad1, pad2 }),
         layout!("Restart", Restart { image, bins }),
