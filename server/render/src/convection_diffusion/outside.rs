@@ -49,7 +49,7 @@ impl Outside {
 /// Outwards, of a face.
 fn normal(face: usize) -> DVec3 {
     let mut normal = DVec3::ZERO;
-    normal[face / 2] = if face % 2 == 0 { -1.0 } else { 1.0 };
+    normal[face / 2] = if face.is_multiple_of(2) { -1.0 } else { 1.0 };
     normal
 }
 
