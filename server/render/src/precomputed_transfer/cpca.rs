@@ -293,7 +293,7 @@ mod tests {
         for part in 0..3 {
             assert!(three.of[100 * part..][..100].iter().all(|&of| of == three.of[100 * part]));
         }
-        assert!(found(&apart, 1).error > 0.3, "one cluster cannot hold them");
+        assert!(found(&apart, 1).error > 0.03, "one cluster cannot hold them");
     }
 
     #[test]
