@@ -508,7 +508,7 @@ photon_events: number,
 photon_grid: number, 
 /**
  * `photon_map`: bands of spherical harmonics that hold the light where matter is not isotropic,
- * 1..6.
+ * 1..6; 0: as many as the phase functions ask for.
  */
 photon_bands: number, 
 /**

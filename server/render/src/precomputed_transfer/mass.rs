@@ -20,7 +20,7 @@ const MAX_GROUPS: u32 = 65_535;
 /// What matrices of a session may take on a device with memory of its own, bytes.
 const MAX_BYTES: u64 = 2 << 30;
 /// The same on a software device.
-const MAX_BYTES_SOFTWARE: u64 = 256 << 20;
+const MAX_BYTES_SOFTWARE: u64 = 384 << 20;
 /// By how much a grid that does not fit is made coarser at a time.
 const COARSER: f64 = 0.85;
 
