@@ -117,7 +117,7 @@ const PHOTON_MAP: Entry = Entry {
     settings: &[
         photons(
             "16 k photons, 16 texels",
-            r#"{"illumination": {"photons": 16384, "photon_grid": 16}}"#,
+            r#"{"illumination": {"photons": 16384, "photon_events": 24, "photon_grid": 16}}"#,
             true,
         ),
         photons(

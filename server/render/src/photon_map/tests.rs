@@ -190,8 +190,11 @@ fn bands_follow_phase_functions_and_surfaces() {
         super::bands_of(&snapshot(&volume, &[scene], 1).scene)
     };
     let forward = |g: f64| json!({"phase": {"type": "henyey_greenstein", "g": g}});
-    assert_eq!([0.1, 0.5, -0.5, 0.7, 0.8, 0.95].map(|g| bands(forward(g), 0)), [2, 3, 3, 5, 6, 6]);
-    assert_eq!((bands(json!({}), 0), bands(json!({"surface": 0.2}), 0)), (1, 3));
+    assert_eq!([0.1, 0.5, -0.5, 0.7, 0.8, 0.95].map(|g| bands(forward(g), 0)), [2, 3, 3, 5, 6, 3]);
+    assert_eq!(
+        (bands(json!({}), 0), bands(json!({"surface": 0.2, "brdf": {"type": "lambert", "diffuse": 0.8}}), 0)),
+        (1, 3)
+    );
     assert_eq!((bands(json!({}), 4), bands(forward(0.8), 2)), (1, 2));
 }
 

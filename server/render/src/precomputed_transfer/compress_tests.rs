@@ -76,12 +76,13 @@ fn slices_and_edits_meanwhile_change_no_bit() {
     let of = |density: f64, epoch| snapshot(&volume, &[clusters(64), json!({"density": density})], 0, epoch);
     let mut view = View::new();
     // The second bake follows from the first.
-    let usual = std::mem::replace(&mut renderer().transfer_pipelines.most_stale, 1.0);
+    let mut renderer = renderer();
+    let usual = std::mem::replace(&mut renderer.transfer_pipelines.most_stale, 1.0);
     for (step, scene) in [of(1.0, 1), of(2.0, 2)].iter().enumerate() {
         let budget = Some(Duration::from_millis(1));
         loop {
             let request = DrawRequest { snapshot: scene, target: TARGET, budget };
-            let drawn = renderer().draw(&mut view, &request).unwrap();
+            let drawn = renderer.draw(&mut view, &request).unwrap();
             let marched = drawn.counters.get("transfer_rays_marched").is_some_and(|&count| count > 0);
             // The first is given up while it is compressed.
             if drawn.complete || step == 0 && !marched && drawn.illumination > 0.99 {
@@ -89,7 +90,8 @@ fn slices_and_edits_meanwhile_change_no_bit() {
             }
         }
     }
-    renderer().transfer_pipelines.most_stale = usual;
+    renderer.transfer_pipelines.most_stale = usual;
+    drop(renderer);
     assert_eq!(radiance(&view), image_of(&of(2.0, 3)));
 }
 
