@@ -12,6 +12,15 @@ use crate::scene::Scene;
 /// Bounds are larger by this share: single precision rounds them and what they bound.
 const ROUNDING: f64 = 1e-5;
 
+/// By how much values in single precision may be off, a share of the data's range, with room to spare.
+const ROUNDING_OF_VALUES: f64 = 1e-3;
+
+/// A rise that bounds nothing: larger than any other, and its square is finite in single precision.
+pub const UNKNOWN_RISE: f32 = f32::from_bits(0x5864_0000);
+
+/// Half of the bits of a number.
+const UPPER_HALF: u32 = 0xffff_0000;
+
 /// A value per macrocell each, x fastest.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Majorants {
@@ -21,6 +30,9 @@ pub struct Majorants {
     /// Bins that occur in the cell, or in the cells that a bound below 0 speaks of: as long as
     /// matter in none of them changes, what was learned here stays true.
     pub bins: Vec<u64>,
+    /// How much extinction can change along one axis from voxel to voxel in the cell, per world unit;
+    /// [`UNKNOWN_RISE`] where nothing is known. From `bins`' matter and the bins' edges alone.
+    pub rises: Vec<f32>,
     /// Below the first and above the second there is no matter in the cell. Shares of the data's range,
     /// of [`WHOLE_RANGE`]. From `bins`' matter alone, as the bound.
     pub free: Vec<[u16; 2]>,
@@ -51,7 +63,8 @@ impl Majorants {
         // An extinction that rounds to 0 is matter all the same.
         let bounds = bounds.map(|bound| if bound < 0.0 { bound } else { bound.max(f32::MIN_POSITIVE) });
         Self {
-            bounds: bounds.collect(),
+            bounds: bounds.map(rounded_up).collect(),
+            rises: rises(scene, masks),
             bins: bins_nearby(cells.dims, masks, &distance, with_matter),
             free: free_of_matter(scene, masks),
         }
@@ -63,8 +76,41 @@ impl Majorants {
         let largest = local.bounds.iter().copied().fold(f32::MIN_POSITIVE, f32::max);
         let all = local.bins.iter().fold(0, |all, bins| all | bins);
         let count = local.bounds.len();
-        Self { bounds: vec![largest; count], bins: vec![all; count], free: vec![[0, WHOLE_RANGE]; count] }
+        let (bounds, rises) = (vec![largest; count], vec![UNKNOWN_RISE; count]);
+        Self { bounds, rises, bins: vec![all; count], free: vec![[0, WHOLE_RANGE]; count] }
     }
+
+    /// A bound and a rise in one word: the upper halves of their bits, which say all of both.
+    pub fn word(bound: f32, rise: f32) -> u32 {
+        bound.to_bits() & UPPER_HALF | rise.to_bits() >> 16
+    }
+}
+
+/// The smallest number that is not smaller and has nothing in the lower half of its bits; distances (whole
+/// numbers below 0, down to -255) have nothing there.
+fn rounded_up(x: f32) -> f32 {
+    if x > 0.0 && x.is_finite() { f32::from_bits((x.to_bits() + !UPPER_HALF) & UPPER_HALF) } else { x }
+}
+
+fn rises(scene: &Scene, masks: &[u64]) -> Vec<f32> {
+    let edges = &scene.volume.bins.edges;
+    let range = edges[BIN_COUNT] - edges[0];
+    if scene.filter == Filter::Nearest || range <= 0.0 {
+        return vec![UNKNOWN_RISE; masks.len()];
+    }
+    let steepest = scene.classification().steepest_sigma_t(&scene.volume.bins);
+    let rise = |mask: &u64| {
+        // Bins of an interval of values follow one another.
+        let bins = mask.trailing_zeros() as usize..BIN_COUNT - mask.leading_zeros() as usize;
+        if bins.is_empty() {
+            return UNKNOWN_RISE;
+        }
+        // Neither do two voxels differ by more than the cell's values.
+        let apart = edges[bins.end] - edges[bins.start] + ROUNDING_OF_VALUES * range;
+        let steepest = steepest[bins].iter().copied().fold(0.0, f64::max);
+        rounded_up(((1.0 + ROUNDING) * steepest * apart) as f32).min(UNKNOWN_RISE)
+    };
+    masks.par_iter().map(rise).collect()
 }
 
 fn largest_in(mask: u64, largest: &[f64; BIN_COUNT], filter: Filter) -> f64 {
@@ -197,7 +243,7 @@ mod tests {
         assert_eq!(majorants.bounds[0], -2.0, "cells 0 and 1 along x hold zeros alone");
         assert_eq!(majorants.bins[0], scene.volume.macrocells.masks(scene.filter)[0]);
         let dense = majorants.bounds.iter().copied().fold(0.0, f32::max);
-        assert!((40.0..40.01).contains(&dense), "{dense}");
+        assert!((40.0..40.3).contains(&dense), "{dense}");
         assert!(!majorants.bounds.iter().any(|bound| (0.0..f32::MIN_POSITIVE).contains(bound)));
         let volume = &scene.volume;
         let cells = volume.macrocells.dims;
@@ -217,7 +263,53 @@ mod tests {
             let ends = volume.bins.edges[BIN_COUNT - mask.leading_zeros() as usize];
             assert!(value(above) >= ends.min(198.0), "cell {x} {y} {z}: {above}");
         }
+        for (bound, rise) in majorants.bounds.iter().zip(&majorants.rises) {
+            let word = Majorants::word(*bound, *rise);
+            assert_eq!([word & UPPER_HALF, word << 16].map(f32::from_bits), [*bound, *rise]);
+        }
         let global = Majorants::global(&scene);
         assert!(global.bounds.iter().all(|&bound| bound == dense));
+    }
+
+    /// Between any two neighbours in a cell, and at any value between theirs.
+    #[test]
+    fn extinction_changes_by_no_more_than_the_rise_from_voxel_to_voxel() {
+        let dims = [20, 12, 9];
+        let value = |i: usize| ((i % 20) as f32 * 0.37).sin() + 0.001 * (i * 7919 % 997) as f32;
+        let voxels = Voxels::F32((0..dims.iter().product()).map(value).collect());
+        let volume = Arc::new(PreparedVolume::new(Volume::new(dims, voxels), &|_| {}));
+        let rises = |points: serde_json::Value, filter: &str| {
+            let file = json!({"version": 1, "volume": {"builtin": "homogeneous", "filter": filter},
+                "value_range": [-0.5, 1.5], "transfer_function": {"points": points}});
+            let scene = Scene::new(&SceneFile::from_value(file).unwrap(), volume.clone()).unwrap();
+            (Majorants::of(&scene).rises, scene)
+        };
+        let slopes = json!([{"s": 0.2, "extinction": 0}, {"s": 0.5, "extinction": 1e4},
+            {"s": 0.6, "extinction": 100}, {"s": 0.9, "extinction": 5e4}]);
+        let (steady, scene) = rises(slopes, "linear");
+        let matter = scene.classification();
+        let cells = volume.macrocells.dims;
+        let mut closest = 0.0_f64;
+        for (index, &rise) in steady.iter().enumerate() {
+            let first = place(index, cells).map(|at| 4 * at);
+            for x in first[0]..(first[0] + 3).min(dims[0] - 1) {
+                let row = (first[2] * dims[1] + first[1]) * dims[0];
+                let [a, b] = [x, x + 1].map(|x| f64::from(value(row + x)));
+                let at = |share: f64| matter.sigma_t_at(a + share * (b - a));
+                for step in 0..16 {
+                    let [low, high] = [0, 1].map(|more| f64::from(step + more) / 16.0);
+                    // So fast it changes here, all the way from one voxel to the next.
+                    let change = 16.0 * (at(high) - at(low)).abs();
+                    assert!(change <= f64::from(rise), "{index}: {change} {rise}");
+                    closest = closest.max(change / f64::from(rise));
+                }
+            }
+        }
+        assert!(closest > 0.2, "{closest}");
+        let jump = json!([{"s": 0, "extinction": 0}, {"s": 0.9, "extinction": 0},
+            {"s": 0.9, "extinction": 10}, {"s": 1, "extinction": 10}]);
+        let (jumping, _) = rises(jump.clone(), "linear");
+        assert!(jumping.contains(&UNKNOWN_RISE) && jumping.contains(&0.0), "{jumping:?}");
+        assert!(rises(jump, "nearest").0.iter().all(|rise| *rise == UNKNOWN_RISE));
     }
 }

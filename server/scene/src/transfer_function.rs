@@ -11,6 +11,9 @@ use crate::material::Material;
 /// far less, so that no sample is ever skipped, or kept, wrongly.
 const BIN_SLACK: f64 = 1.0 / 65536.0;
 
+/// Pieces narrower than this in `s` are jumps to what reads them in single precision.
+const JUMP: f64 = 1e-5;
+
 /// Matter at one control point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point {
@@ -123,6 +126,28 @@ impl Classification<'_> {
             let [low, high] = bins.interval(bin);
             let [low, high] = clamped([self.s(low - slack), self.s(high + slack)]);
             self.function.largest_sigma_t(low, high)
+        })
+    }
+
+    /// How fast extinction changes with the data value at most in each bin, per world unit and data value;
+    /// infinite where it jumps.
+    pub fn steepest_sigma_t(&self, bins: &Bins) -> [f64; BIN_COUNT] {
+        let slack = self.slack(bins);
+        let window = self.value_range[1] - self.value_range[0];
+        std::array::from_fn(|bin| {
+            let [low, high] = bins.interval(bin);
+            let [low, high] = [self.s(low - slack), self.s(high + slack)];
+            let pieces = self.function.points.windows(2);
+            let inside = pieces.filter(|piece| piece[1].s > low && piece[0].s < high || window <= 0.0);
+            let slope = |piece: &[Point]| {
+                let (width, change) = (piece[1].s - piece[0].s, (piece[1].sigma_t - piece[0].sigma_t).abs());
+                match change > 0.0 {
+                    true if width < JUMP || window <= 0.0 => f64::INFINITY,
+                    true => change / (width * window),
+                    false => 0.0,
+                }
+            };
+            inside.map(slope).fold(0.0, f64::max)
         })
     }
 

@@ -152,16 +152,21 @@ impl PathFilm {
 }
 
 impl Renderer {
-    /// A texel for each macrocell: the bits of its bound of the extinction, the bins it relies on, and
-    /// between which values its matter lies.
+    /// A texel for each macrocell: its bound of the extinction and how fast that changes, the bins it relies
+    /// on, and between which values its matter lies.
     pub(super) fn majorant_map(&self, view: &View, scene: &Scene) -> Result<wgpu::TextureView, RenderError> {
         let majorants = if view.global_majorant { Majorants::global(scene) } else { Majorants::of(scene) };
-        let Majorants { bounds, bins, free } = &majorants;
-        let texel = |((bound, bins), [below, above]): ((&f32, &u64), &[u16; 2])| {
-            let [low, high] = halves(*bins);
-            [bound.to_bits(), low, high, u32::from(*below) | u32::from(*above) << 16]
+        let Majorants { bounds, rises, bins, free } = &majorants;
+        let texel = |index: usize| {
+            let ([low, high], [below, above]) = (halves(bins[index]), free[index]);
+            [
+                Majorants::word(bounds[index], rises[index]),
+                low,
+                high,
+                u32::from(below) | u32::from(above) << 16,
+            ]
         };
-        let texels: Vec<[u32; 4]> = bounds.iter().zip(bins).zip(free).map(texel).collect();
+        let texels: Vec<[u32; 4]> = (0..bounds.len()).map(texel).collect();
         let [width, height, depth] = scene.volume.macrocells.dims.map(|n| n as u32);
         let size = wgpu::Extent3d { width, height, depth_or_array_layers: depth };
         let (dimension, format) = (wgpu::TextureDimension::D3, wgpu::TextureFormat::Rgba32Uint);

@@ -45,12 +45,12 @@ struct Edit {
 }
 
 fn kinds() -> Vec<Kind> {
-    let lights = |intensity: f64| -> Value {
+    let lights = |irradiance: f64| -> Value {
         let mut lights = vec![
             json!({"id": "key", "type": "directional", "direction": [0.6, -0.6, -0.5], "irradiance": [4.5, 4.0, 3.2]}),
         ];
         lights.extend((0..8).map(|i| {
-            json!({"type": "point", "position": [2.0, f64::from(i), 2.0], "intensity": [intensity, intensity, intensity]})
+            json!({"type": "directional", "direction": [-1.0, -f64::from(i), -1.0], "irradiance": [irradiance, irradiance, irradiance]})
         }));
         json!({"lights": lights})
     };
@@ -135,7 +135,7 @@ fn edits() -> Vec<Edit> {
             name: "unused light",
             how: "a light without power added",
             base: json!({"lights": []}),
-            edit: json!({"lights": [{"type": "point", "position": [1, 1, 1], "intensity": [0, 0, 0]}]}),
+            edit: json!({"lights": [{"type": "directional", "direction": [-1, -1, -1], "irradiance": [0, 0, 0]}]}),
             local: false,
         },
         Edit {
@@ -161,17 +161,16 @@ pub fn measure(
 ) -> anyhow::Result<Vec<Row>> {
     let mut rows = Vec::new();
     for kind in kinds() {
-        let loaded = load(kind.scene, voxels)?;
-        let mut draw = |patch: &Value| {
-            let scene = patched(entry, &loaded, &[patch])?;
-            let drawing = if quick {
-                canvas.draw(&scene, [pixels; 2], None, PATIENCE)
+        let loaded = load(entry, kind.scene, voxels)?;
+        let mut draw = |scene: &Scene| {
+            if quick {
+                canvas.draw(scene, [pixels; 2], None, PATIENCE)
             } else {
-                canvas.time(&scene, [pixels; 2], PATIENCE)
-            };
-            drawing.map_err(anyhow::Error::from)
+                canvas.time(scene, [pixels; 2], PATIENCE)
+            }
         };
-        let (done, left_out) = (draw(&kind.done)?, draw(&kind.left_out)?);
+        let done = draw(&patched(entry, &loaded, &[&kind.done])?)?;
+        let left_out = draw(&patched(entry, &loaded, &[&kind.left_out])?)?;
         let count = |counters: &std::collections::BTreeMap<String, u64>| counters.get(entry.work).copied();
         rows.push(Row {
             kind: kind.name,
@@ -201,7 +200,7 @@ fn after_edit(
     voxels: usize,
     pixels: u32,
 ) -> anyhow::Result<Row> {
-    let loaded = load(Builtin::SmokePlume, voxels)?;
+    let loaded = load(entry, Builtin::SmokePlume, voxels)?;
     let before = Arc::new(Snapshot { epoch: 1, scene: patched(entry, &loaded, &[&edit.base])? });
     let after = Arc::new(Snapshot { epoch: 2, scene: patched(entry, &loaded, &[&edit.base, &edit.edit])? });
     let samples_per_pixel = after.scene.samples_at_rest();
@@ -235,9 +234,17 @@ fn after_edit(
     })
 }
 
-fn load(kind: Builtin, voxels: usize) -> anyhow::Result<Loaded> {
+/// A built-in scene, with those of its lights that the method takes.
+fn load(entry: &Entry, kind: Builtin, voxels: usize) -> anyhow::Result<Loaded> {
     let volume = prepared(scene::builtin::build(kind, [voxels; 3], &|_| {}));
-    Ok(Loaded { file: scene::builtin::scene(kind)?, volume, images: EnvironmentImages::new() })
+    let mut loaded = Loaded { file: scene::builtin::scene(kind)?, volume, images: EnvironmentImages::new() };
+    for light in std::mem::take(&mut loaded.file.lights) {
+        loaded.file.lights.push(light);
+        if render::check(&patched(entry, &loaded, &[])?).is_err() {
+            loaded.file.lights.pop();
+        }
+    }
+    Ok(loaded)
 }
 
 fn patched(entry: &Entry, loaded: &Loaded, patches: &[&Value]) -> anyhow::Result<Scene> {
