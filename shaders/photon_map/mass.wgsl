@@ -7,7 +7,7 @@
 // Blocks of 2^3 cells to be added up.
 @group(0) @binding(15) var<storage, read> blocks: array<u32>;
 @group(0) @binding(13) var<uniform> mass: Mass;
-@group(0) @binding(9) var macrocells: texture_3d<u32>;
+@group(0) @binding(37) var macrocells: texture_3d<u32>;
 
 struct Mass {
     // Texels of the field.
@@ -16,9 +16,6 @@ struct Mass {
     count: u32,
 }
 
-// Whether matter counts as far as it is seen; else all of it, to an optical depth of 2 a texel.
-override SEEN: bool = true;
-const MOST_DEPTH = 2.0;
 // Cells along an axis of a block, and its places; with what they are looked at through.
 const CELLS = 2u;
 const INNER = CELLS * PLACES;
@@ -96,7 +93,6 @@ fn extinction_of(first_cell: vec3u, place: vec3u, step: vec3f) -> f32 {
     let mean = 0.5 * (low.x + high.x);
     let most = max(low.x, high.x);
     let place_length = (step.x + step.y + step.z) / 3.0;
-    if !SEEN { return min(mean, MOST_DEPTH / (f32(PLACES) * place_length)); }
     let is_opaque = most * place_length > 1.0;
     let bound = max(low.y, high.y);
     return select(mean, -select(mean, most, is_opaque), bound * reach_of(step) > SEEN_FROM);

@@ -13,9 +13,6 @@
 @group(0) @binding(6) var<storage, read_write> counters: array<atomic<u32>>;
 const PHOTON_COUNTERS = 4u;
 const CUT_UNIT = 1024.0;
-// `path.weight.x` of a photon at rest that is looked at along the first of two ways; `path.weight.y`: how many
-// were open.
-const FIRST_WAY = 1.0;
 // Whether histories are kept; without them edits cannot be followed, and only costs are compared.
 override MASKS: bool = true;
 var<workgroup> group_counts: array<atomic<u32>, PHOTON_COUNTERS>;
@@ -82,12 +79,12 @@ fn trace_photons(
             // What has not been scattered is not the field's where it is kept apart. What may be hidden counts
             // if it is seen from a way off.
             let is_apart = path.light == 0u && steering(photons.direct) == 1u;
-            let is_asked = stores && !is_apart && may_be_hidden(x);
+            let is_asked = stores && !is_apart && may_be_hidden(x, photons.dims);
             // First it is looked at along a way, then from the other side: of a skin one is open.
             let is_turned = flies && is_looked_at && path.weight.x == FIRST_WAY;
             let is_settled = flies && is_looked_at && !is_turned || stores && !is_asked;
             if is_asked {
-                path.direction = way_to_neighbour(unit4(draw(&path, photon)));
+                path.direction = way_to_neighbour(unit4(draw(&path, photon)), photons.dims);
                 path.weight.x = FIRST_WAY;
                 path.weight.y = 0.0;
             }
@@ -144,24 +141,4 @@ fn trace_photons(
         let before = atomicAdd(&counters[2u * lane], amount);
         if before + amount < before { atomicAdd(&counters[2u * lane + 1u], 1u); }
     }
-}
-
-// Whether an interaction may be hidden from a way off (seen.wgsl).
-fn may_be_hidden(x: vec3f) -> bool {
-    let macrocell = macrocell_at(x / frame.size_world + 0.5);
-    bins_met |= macrocell.yz;
-    return bound_at(macrocell) * reach_of(lattice_step(photons.dims)) > SEEN_FROM;
-}
-
-// One of the ways of seen.wgsl, by its share.
-fn way_to_neighbour(u: vec4f) -> vec3f {
-    let faces = 6.0 * SHARES.x;
-    let edges = 12.0 * SHARES.y;
-    let signs = select(vec3f(-1.0), vec3f(1.0), u.yzw < vec3f(0.5));
-    // Two bits for the axis are left of numbers that were compared with one half.
-    let axis = u32(fract(2.0 * u.y) * 3.0);
-    let along = vec3f(vec3u(axis) == vec3u(0u, 1u, 2u));
-    var onward = signs;
-    if u.x < faces { onward = signs * along; } else if u.x < faces + edges { onward = signs * (1.0 - along); }
-    return normalize(onward * lattice_step(photons.dims));
 }

@@ -54,31 +54,54 @@ fn carry_photons(
         is_at_work = true;
         let photon = vec2u(path.light, KEY);
         if path.stage == AT { scatter_on(&path, photon); }
-        if path.stage == FLIGHT + TO_BEGIN { begin_ray(&path, photon); }
-        let flies = path.stage == FLIGHT;
-        let whole = max(box_interval(Ray(path.origin, path.direction), -0.5 * frame.size_world, 0.5 * frame.size_world), vec2f(0.0));
+        if path.stage < AT { begin_ray(&path, photon); }
+        let flies = path.stage == FLIGHT || path.stage == VIEW;
+        let is_looked_at = path.stage == VIEW;
+        var whole = max(box_interval(Ray(path.origin, path.direction), -0.5 * frame.size_world, 0.5 * frame.size_world), vec2f(0.0));
+        if is_looked_at { whole.y = min(whole.y, reach_of(lattice_step(transfer.dims))); }
         // Lanes that do not fly have nowhere to go (see `path_trace`).
         var flight = path;
         flight.end = select(0.0, path.end, flies);
         let outcome = track(&flight, photon, &steps);
         if flies { path = flight; }
         if outcome != UNFINISHED || !flies {
+            let collides = flies && outcome == COLLISION;
+            blocks |= blocks_on_way(path.origin, path.direction, whole.x, select(whole.y, path.t, collides), flies);
             let x = path.origin + path.t * path.direction;
-            let collides = flies && outcome == COLLISION && keeps(x);
-            blocks |= blocks_on_way(path.origin, path.direction, whole.x, select(whole.y, path.t, flies && outcome == COLLISION), flies);
-            // What comes before anything that changed is the same in both matters, and stays.
-            let is_stale = any((vec4u(bins_met, blocks) & transfer.query) != vec4u(0u));
-            if transfer.sign < 0 && !is_stale { path.density = f32(path.scatterings + 1u); }
-            let counts = collides && path.scatterings > 0u && f32(path.scatterings) >= path.density;
-            deposit(x, path.direction, path.throughput, photon.x, select(0, transfer.sign, counts));
-            if collides {
+            let interacts = collides && !is_looked_at && keeps(x);
+            if interacts {
                 path.origin = x;
-                path.scatterings += 1u;
+                path.w_o = path.direction;
+                path.weight.y = 2.0;
                 interactions += 1u;
             }
-            let last = path.scatterings == transfer.events;
-            if flies && (outcome == LOST || collides && last) { cut += max_of(path.throughput); }
-            path.stage = select(DONE, AT, collides && !last);
+            // What may be hidden counts as far as it is seen from a way off: as in `trace_photons`.
+            let is_asked = interacts && path.scatterings > 0u && may_be_hidden(x, transfer.dims);
+            let is_turned = flies && is_looked_at && path.weight.x == FIRST_WAY;
+            let is_settled = flies && is_looked_at && !is_turned || interacts && !is_asked;
+            if is_asked {
+                path.direction = way_to_neighbour(unit4(draw(&path, photon)), transfer.dims);
+                path.weight.x = FIRST_WAY;
+                path.weight.y = 0.0;
+            }
+            if flies && is_looked_at { path.weight.y += select(0.0, 1.0, outcome == ESCAPE); }
+            if is_turned {
+                path.direction = -path.direction;
+                path.weight.x = 0.0;
+            }
+            if is_asked || is_turned { path.end = reach_of(lattice_step(transfer.dims)); }
+            // What comes before anything that changed is the same in both matters, and stays.
+            let is_stale = any((vec4u(bins_met, blocks) & transfer.query) != vec4u(0u));
+            if transfer.sign < 0 && is_settled && !is_stale { path.density = f32(path.scatterings + 1u); }
+            let counts = is_settled && path.scatterings > 0u && path.weight.y > 0.0 && f32(path.scatterings) >= path.density;
+            deposit(path.origin, path.w_o, 0.5 * path.weight.y * path.throughput, photon.x, select(0, transfer.sign, counts));
+            if is_settled {
+                path.direction = path.w_o;
+                path.scatterings += 1u;
+            }
+            let is_last = is_settled && path.scatterings == transfer.events;
+            if flies && !is_looked_at && outcome == LOST || is_last { cut += max_of(path.throughput); }
+            path.stage = select(select(DONE, AT, is_settled && !is_last), VIEW + TO_BEGIN, is_asked || is_turned);
         }
         if path.stage == DONE || steps == 0u { rays = 0u; }
     }

@@ -25,9 +25,17 @@ const PLACE_BITS = 20u;
 // So far before matter that changed losses are the same as they were, voxels.
 const CHANGE_MARGIN = 2.0;
 
-// The direction that the invocation's beam comes from, and from where on its losses count.
+// Told apart from photons.
+const BEAM_KEY = 0x6265616du;
+// Cells and tentative collisions of a look from a way off.
+const MOST_LOOKS = 1024u;
+
+// The direction that the invocation's beam comes from, its place in the square, from where on its losses
+// count, and random numbers drawn.
 var<private> direction: u32;
+var<private> beam: u32;
 var<private> counted_from: f32;
+var<private> draws: u32;
 
 struct Beams {
     // Towards the light.
@@ -76,10 +84,11 @@ fn march_transfer(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgro
     direction = transfer.direction;
     let is_listed = transfer.listed == 1u;
     if is_listed {
-        let beam = list[min(index, transfer.count - 1u)];
-        direction = beam >> PLACE_BITS;
-        index = beam & ((1u << PLACE_BITS) - 1u);
+        let listed_beam = list[min(index, transfer.count - 1u)];
+        direction = listed_beam >> PLACE_BITS;
+        index = listed_beam & ((1u << PLACE_BITS) - 1u);
     }
+    beam = index;
     let way = beam_way(direction, index);
     let to_t = select(way.from_t, way.to_t, inside);
     let voxel = frame.size_world / frame.voxels;
@@ -158,14 +167,47 @@ fn fall(ray: Ray, from_t: f32, to_t: f32) {
             next += select(0.0, 1.0, part.ends_step);
             let left = exp(-depth);
             let middle = mix(near.t, part.end.t, centre_of_light(part.sigma_t, max(depth, 1e-6)));
-            let lost = select(0.0, transmittance * (1.0 - left), middle >= counted_from);
-            share_out(ray.origin + middle * ray.direction, lost);
+            let lost = transmittance * (1.0 - left);
+            let seen = seen_of_loss(ray, near.t, part.end.t, part.sigma_t, depth, lost > 0.0);
+            share_out(ray.origin + middle * ray.direction, select(0.0, lost * seen, middle >= counted_from));
             transmittance *= left;
             optical_depth += depth;
             near = part.end;
         }
         if optical_depth > DARK_DEPTH { t = to_t; }
     }
+}
+
+// How much of what is lost in a part of the beam's way is seen from a way off: at a place drawn where it is
+// lost, along two opposite ways.
+fn seen_of_loss(ray: Ray, from_t: f32, to_t: f32, sigma_t: vec2f, depth: f32, is_lost: bool) -> f32 {
+    let beam_id = vec2u((direction << PLACE_BITS) | beam, BEAM_KEY);
+    let middle = ray.origin + mix(from_t, to_t, 0.5) * ray.direction;
+    let asks = is_lost && may_be_hidden(middle, transfer.dims);
+    var path = Path();
+    path.draws = draws;
+    let near_share = sigma_t.x / max(sigma_t.x + sigma_t.y, SMALLEST_EXTINCTION);
+    let drawn = -log(1.0 - unit2(draw(&path, beam_id).xy).x * (1.0 - exp(-depth)));
+    let share = share_at_depth(near_share, clamp(drawn / max(depth, 1e-20), 0.0, 1.0));
+    let x = ray.origin + mix(from_t, to_t, share) * ray.direction;
+    var way = way_to_neighbour(unit4(draw(&path, beam_id)), transfer.dims);
+    var open = 0.0;
+    for (var i = select(2u, 0u, asks); i < 2u; i++) {
+        path.stage = VIEW + TO_BEGIN;
+        path.origin = x;
+        path.direction = way;
+        path.end = reach_of(lattice_step(transfer.dims));
+        begin_ray(&path, beam_id);
+        var steps = MOST_LOOKS;
+        open += select(0.0, 0.5, track(&path, beam_id, &steps) == ESCAPE);
+        way = -way;
+    }
+    if asks { draws = path.draws; }
+    return select(1.0, open, asks);
+}
+
+fn seed() -> u32 {
+    return 0u;
 }
 
 fn share_out(x: vec3f, lost: f32) {

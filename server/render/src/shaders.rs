@@ -150,6 +150,7 @@ pub const TRACE_PHOTONS: &str = parts!(
     "shared/blocks.wgsl",
     "photon_map/history.wgsl",
     "photon_map/seen.wgsl",
+    "photon_map/looked_at.wgsl",
     "photon_map/deposit.wgsl",
     "photon_map/trace.wgsl",
 );
@@ -198,6 +199,11 @@ pub const MARCH_TRANSFER: &str = parts!(
     "ray_cast/cells.wgsl",
     "ray_cast/pieces.wgsl",
     "shared/changes.wgsl",
+    "shared/random.wgsl",
+    "shared/path.wgsl",
+    "shared/tracking.wgsl",
+    "photon_map/seen.wgsl",
+    "photon_map/looked_at.wgsl",
     "precomputed_transfer/transfer.wgsl",
     "precomputed_transfer/direct.wgsl",
 );
@@ -241,6 +247,8 @@ pub const CARRY_PHOTONS: &str = parts!(
     "shared/sh.wgsl",
     "shared/add_up.wgsl",
     "shared/blocks.wgsl",
+    "photon_map/seen.wgsl",
+    "photon_map/looked_at.wgsl",
     "precomputed_transfer/transfer.wgsl",
     "precomputed_transfer/photons.wgsl",
     "precomputed_transfer/carry.wgsl",

@@ -37,6 +37,14 @@ fn densest(scene: &Scene) -> f64 {
     scene.transfer_function.points.iter().map(|point| point.sigma_t).fold(0.0, f64::max)
 }
 
+/// How far off matter around so many texels is looked at from, world units; 0: none is so dense that this
+/// makes a difference.
+pub(crate) fn reach_of(scene: &Scene, dims: [u32; 3]) -> f64 {
+    let edges = (0..3).map(|axis| scene.grid.size_world[axis] / f64::from(dims[axis]));
+    let reach = REACH * edges.sum::<f64>() / 3.0;
+    if densest(scene) * reach > SEEN_FROM { reach } else { 0.0 }
+}
+
 /// Blocks of cells, by their index, that hold any of these cells between texel centres.
 pub(crate) fn blocks_with(dims: [u32; 3], cells: &[u32]) -> Vec<u32> {
     let across = dims.map(|n| (n + 1).div_ceil(BLOCK_EDGE));
@@ -131,7 +139,7 @@ impl FieldOfPhotons {
             }
         };
         self.mass_of = Some(inputs.snapshot.clone());
-        self.light.set_reach(self.reach_of(scene));
+        self.light.set_reach(reach_of(scene, self.light.dims) as f32);
         if cells.is_empty() {
             return Ok(false);
         }
@@ -160,7 +168,7 @@ impl FieldOfPhotons {
                     binding: 8,
                     resource: wgpu::BindingResource::Sampler(&pipelines.sampler),
                 },
-                texture_entry(9, majorants),
+                texture_entry(37, majorants),
                 buffer_entry(13, &self.mass_uniform),
                 buffer_entry(14, &self.moments),
                 buffer_entry(15, &list),
@@ -168,7 +176,7 @@ impl FieldOfPhotons {
         });
         let groups = blocks.len() as u32;
         let columns = groups.min(MAX_GROUPS);
-        gpu.dispatch(&pipelines.mass(scene.filter, true), &bind_group, [columns, groups.div_ceil(columns)]);
+        gpu.dispatch(&pipelines.mass(scene.filter), &bind_group, [columns, groups.div_ceil(columns)]);
         gpu.wait()?;
         Ok(true)
     }
@@ -223,13 +231,6 @@ impl FieldOfPhotons {
         }
         gpu.queue.write_buffer(&self.touched, 0, bytemuck::cast_slice(&touched));
         Ok(())
-    }
-
-    /// How far off matter is looked at from, world units; 0: none is so dense that this makes a difference.
-    fn reach_of(&self, scene: &Scene) -> f32 {
-        let edges = (0..3).map(|axis| scene.grid.size_world[axis] / f64::from(self.light.dims[axis]));
-        let reach = REACH * edges.sum::<f64>() / 3.0;
-        if densest(scene) * reach > SEEN_FROM { reach as f32 } else { 0.0 }
     }
 
     /// A power of two, which changes no digit, that brings the largest extinction around a texel to

@@ -27,7 +27,7 @@ use crate::illumination::{Inputs, Progress};
 use crate::light_field::{self, LightField};
 use crate::tables;
 use field::FieldOfPhotons;
-pub(crate) use field::blocks_with;
+pub(crate) use field::{blocks_with, reach_of};
 use lights::{InFlight, Left, LightPhotons};
 pub(crate) use pipelines::PhotonPipelines;
 pub use pipelines::PhotonTrial;

@@ -22,6 +22,7 @@ use crate::error::RenderError;
 use crate::gpu::{buffer_entry, texture_entry};
 use crate::illumination::Inputs;
 use crate::light_field::LightField;
+use crate::photon_map::reach_of;
 use crate::uniforms;
 
 /// The bake of a session, finished or under way.
@@ -327,6 +328,7 @@ impl Bake {
     pub fn relight(&mut self, inputs: &Inputs<'_>, light: &LightVector) -> Result<(), RenderError> {
         let (gpu, pipelines) = (inputs.gpu, inputs.transfer_pipelines);
         self.field.set_scale(light.scale);
+        self.field.set_reach(reach_of(&self.matter.scene, self.mass.dims) as f32);
         let settings = uniforms::Transfer { scale: light.scale, ..self.settings() };
         if let Some(compressed) = &self.compressed {
             return compressed.relight(gpu, pipelines, &settings, light, &self.field.view);

@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
+use glam::DVec3;
 use scene::Scene;
+use scene::macrocells::MACROCELL_EDGE;
 
 use super::bake::Bake;
 use super::basis::mean_shown;
@@ -13,6 +15,7 @@ use crate::direct_light::{changed_bins, map_of};
 use crate::error::RenderError;
 use crate::gpu::{buffer_entry, texture_entry};
 use crate::illumination::Inputs;
+use crate::photon_map::reach_of;
 use crate::uniforms;
 
 /// Directions marched between looks at the clock.
@@ -89,6 +92,13 @@ impl Bake {
         inputs.gpu.wait()
     }
 
+    /// Across how many macrocells losses are looked at from.
+    fn seen_across(&self, scene: &Scene) -> u8 {
+        let voxel = scene.grid.size_world / DVec3::from_array(scene.grid.dims.map(|n| n as f64));
+        let cell = MACROCELL_EDGE as f64 * voxel.min_element();
+        (reach_of(scene, self.mass.dims) / cell).ceil().min(255.0) as u8
+    }
+
     /// Directions whose stale beams are listed together.
     fn directions_at_once(&self) -> u64 {
         let beams = self.at_hand().map_or(1, |(_, workshop)| u64::from(workshop.edge * workshop.edge));
@@ -131,7 +141,8 @@ impl Bake {
         work: &mut Work,
     ) -> Result<(), RenderError> {
         if self.changed_map.as_ref().is_none_or(|(of, _)| *of != bins) {
-            self.changed_map = Some((bins, map_of(inputs.gpu, &self.matter.scene, bins)?));
+            let around = self.seen_across(&from.scene).max(self.seen_across(&self.matter.scene));
+            self.changed_map = Some((bins, map_of(inputs.gpu, &self.matter.scene, bins, around)?));
         }
         let listed = self.list_beams(inputs, [first, end])?;
         let Some((_, workshop)) = self.at_hand() else { return Ok(()) };
@@ -194,8 +205,9 @@ impl Bake {
         gpu.queue.write_buffer(&held.settings, 0, bytemuck::bytes_of(&settings));
         let quads = inputs.texture.quads.as_ref().unwrap_or(&inputs.texture.view);
         let changed = self.changed_map.as_ref().map_or(&matter.distance_map, |(_, map)| map);
-        let mut entries = matter.entries(inputs, &matter.distance_map, &held.settings).to_vec();
+        let mut entries = matter.entries(inputs, &held.settings).to_vec();
         entries.extend([
+            texture_entry(9, &matter.distance_map),
             texture_entry(11, changed),
             texture_entry(12, quads),
             buffer_entry(22, &workshop.beams),

@@ -99,7 +99,7 @@ impl Mass {
                     binding: 8,
                     resource: wgpu::BindingResource::Sampler(&pipelines.sampler),
                 },
-                texture_entry(9, majorants),
+                texture_entry(37, majorants),
                 buffer_entry(13, &mass),
                 buffer_entry(14, &moments),
                 buffer_entry(15, &list),
@@ -107,8 +107,7 @@ impl Mass {
         });
         let groups = blocks.len() as u32;
         let columns = groups.min(MAX_GROUPS);
-        // Beams light skins from one side.
-        gpu.dispatch(&pipelines.mass(scene.filter, false), &bind_group, [columns, groups.div_ceil(columns)]);
+        gpu.dispatch(&pipelines.mass(scene.filter), &bind_group, [columns, groups.div_ceil(columns)]);
         let bytes = gpu.read_buffer(&moments, moments_bytes)?;
         Ok(Self::of_moments(dims, texels, &bytemuck::pod_collect_to_vec(&bytes)))
     }

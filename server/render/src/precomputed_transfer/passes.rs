@@ -189,9 +189,10 @@ impl Pipelines {
     pub fn of_sources(gpu: Arc<Gpu>, sources: Sources) -> Self {
         use Kind::{Cells, Field, Read, Sampler, Table, Uniform, Volume, Write};
         let matter =
-            [(0, Uniform), (1, Table), (2, Table), (7, Volume), (8, Sampler), (9, Cells), (21, Read)];
+            [(0, Uniform), (1, Table), (2, Table), (7, Volume), (8, Sampler), (37, Cells), (21, Read)];
         let with = |more: &[Entry]| matter.iter().chain(more).copied().collect::<Vec<_>>();
-        let march = with(&[(11, Cells), (12, Volume), (22, Read), (24, Write), (28, Read), (33, Read)]);
+        let march =
+            with(&[(9, Cells), (11, Cells), (12, Volume), (22, Read), (24, Write), (28, Read), (33, Read)]);
         let list_beams = [(0, Uniform), (6, Write), (11, Cells), (21, Read), (22, Read), (34, Write)];
         let spread = [(21, Read), (23, Read), (24, Read), (26, Write)];
         let enter = [(0, Uniform), (10, Write), (21, Read), (27, Read), (32, Write), (33, Read)];
