@@ -7,7 +7,7 @@
 // Blocks of 2^3 cells to be added up.
 @group(0) @binding(15) var<storage, read> blocks: array<u32>;
 @group(0) @binding(13) var<uniform> mass: Mass;
-@group(0) @binding(37) var macrocells: texture_3d<u32>;
+@group(0) @binding(9) var macrocells: texture_3d<u32>;
 
 struct Mass {
     // Texels of the field.

@@ -6,6 +6,8 @@
 
 // Of each direction.
 @group(0) @binding(22) var<storage, read> beams: array<Beams>;
+// Bounds of the extinction in macrocells (shared/tracking.wgsl).
+@group(0) @binding(13) var bounds: texture_3d<u32>;
 // Row of each texel; NO_ROW without one.
 @group(0) @binding(28) var<storage, read> texel_rows: array<u32>;
 // Of each direction what fell to each row, in units of `transfer.unit`.
@@ -25,17 +27,17 @@ const PLACE_BITS = 20u;
 // So far before matter that changed losses are the same as they were, voxels.
 const CHANGE_MARGIN = 2.0;
 
-// Told apart from photons.
-const BEAM_KEY = 0x6265616du;
-// Cells and tentative collisions of a look from a way off.
-const MOST_LOOKS = 1024u;
+// How far off it is looked at from, in texels; and through how many ways of the sphere, of a flat skin, by
+// their cosines to it: as photon_map/seen.wgsl has it, which counts matter and photons.
+const REACH_TEXELS = 1.3333333;
+const COSINES = vec3f(1.0, 0.70710678, 0.57735027);
+const WAYS_OUT = vec3f(0.0457779, 0.1479224, 0.1407824);
+// Optical depth over that distance, by the bound of the macrocell, from which on it makes a difference.
+const SEEN_FROM = 0.5;
 
-// The direction that the invocation's beam comes from, its place in the square, from where on its losses
-// count, and random numbers drawn.
+// The direction that the invocation's beam comes from, and from where on its losses count.
 var<private> direction: u32;
-var<private> beam: u32;
 var<private> counted_from: f32;
-var<private> draws: u32;
 
 struct Beams {
     // Towards the light.
@@ -84,11 +86,10 @@ fn march_transfer(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgro
     direction = transfer.direction;
     let is_listed = transfer.listed == 1u;
     if is_listed {
-        let listed_beam = list[min(index, transfer.count - 1u)];
-        direction = listed_beam >> PLACE_BITS;
-        index = listed_beam & ((1u << PLACE_BITS) - 1u);
+        let beam = list[min(index, transfer.count - 1u)];
+        direction = beam >> PLACE_BITS;
+        index = beam & ((1u << PLACE_BITS) - 1u);
     }
-    beam = index;
     let way = beam_way(direction, index);
     let to_t = select(way.from_t, way.to_t, inside);
     let voxel = frame.size_world / frame.voxels;
@@ -124,6 +125,11 @@ fn fall(ray: Ray, from_t: f32, to_t: f32) {
     var t = from_t;
     var transmittance = 1.0;
     var optical_depth = 0.0;
+    // Of what the beam has just passed, up to there: a depth that fades over the reach.
+    var above = 0.0;
+    var passed_t = from_t;
+    let texel = frame.size_world / vec3f(transfer.dims);
+    let reach = REACH_TEXELS * (texel.x + texel.y + texel.z) / 3.0;
     // Two loops, as in `integrate` of the ray caster: the inner one leaps and reads voxels until there
     // may be matter.
     while t < to_t {
@@ -168,8 +174,16 @@ fn fall(ray: Ray, from_t: f32, to_t: f32) {
             let left = exp(-depth);
             let middle = mix(near.t, part.end.t, centre_of_light(part.sigma_t, max(depth, 1e-6)));
             let lost = transmittance * (1.0 - left);
-            let seen = seen_of_loss(ray, near.t, part.end.t, part.sigma_t, depth, lost > 0.0);
-            share_out(ray.origin + middle * ray.direction, select(0.0, lost * seen, middle >= counted_from));
+            let x = ray.origin + middle * ray.direction;
+            // Parts without matter change nothing, for some are leapt over.
+            if depth > 0.0 {
+                above *= exp((passed_t - near.t) / reach);
+                let sigma_t = 0.5 * (part.sigma_t.x + part.sigma_t.y);
+                let seen = seen_of_loss(x, ray.direction, above, depth, sigma_t, reach);
+                share_out(x, select(0.0, lost * seen, middle >= counted_from));
+                above = (above + depth) * exp((near.t - part.end.t) / reach);
+                passed_t = part.end.t;
+            }
             transmittance *= left;
             optical_depth += depth;
             near = part.end;
@@ -178,36 +192,20 @@ fn fall(ray: Ray, from_t: f32, to_t: f32) {
     }
 }
 
-// How much of what is lost in a part of the beam's way is seen from a way off: at a place drawn where it is
-// lost, along two opposite ways.
-fn seen_of_loss(ray: Ray, from_t: f32, to_t: f32, sigma_t: vec2f, depth: f32, is_lost: bool) -> f32 {
-    let beam_id = vec2u((direction << PLACE_BITS) | beam, BEAM_KEY);
-    let middle = ray.origin + mix(from_t, to_t, 0.5) * ray.direction;
-    let asks = is_lost && may_be_hidden(middle, transfer.dims);
-    var path = Path();
-    path.draws = draws;
-    let near_share = sigma_t.x / max(sigma_t.x + sigma_t.y, SMALLEST_EXTINCTION);
-    let drawn = -log(1.0 - unit2(draw(&path, beam_id).xy).x * (1.0 - exp(-depth)));
-    let share = share_at_depth(near_share, clamp(drawn / max(depth, 1e-20), 0.0, 1.0));
-    let x = ray.origin + mix(from_t, to_t, share) * ray.direction;
-    var way = way_to_neighbour(unit4(draw(&path, beam_id)), transfer.dims);
-    var open = 0.0;
-    for (var i = select(2u, 0u, asks); i < 2u; i++) {
-        path.stage = VIEW + TO_BEGIN;
-        path.origin = x;
-        path.direction = way;
-        path.end = reach_of(lattice_step(transfer.dims));
-        begin_ray(&path, beam_id);
-        var steps = MOST_LOOKS;
-        open += select(0.0, 0.5, track(&path, beam_id, &steps) == ESCAPE);
-        way = -way;
-    }
-    if asks { draws = path.draws; }
-    return select(1.0, open, asks);
-}
-
-fn seed() -> u32 {
-    return 0u;
+// How much of what is lost in a part of the beam's way is seen from a way off, in a skin that is flat there:
+// on average over where it is lost, and over ways. Ways out of it are as deep as the beam's, by the cosines of
+// both; others are as deep as matter is dense. `above`: optical depth of what lies above the skin.
+fn seen_of_loss(x: vec3f, way: vec3f, above: f32, depth: f32, sigma_t: f32, reach: f32) -> f32 {
+    let place = vec3i(floor((x / frame.size_world + 0.5) * frame.voxels / MACROCELL_EDGE));
+    let known = textureLoad(bounds, clamp(place, vec3i(0), vec3i(textureDimensions(bounds)) - 1), 0).x;
+    if bitcast<f32>(known & 0xffff0000u) * reach <= SEEN_FROM { return 1.0; }
+    let gradient = gradient_at(x / frame.size_world + 0.5);
+    let slant = abs(dot(gradient, way)) / max(length(gradient), 1e-20);
+    let deeper = slant / COSINES;
+    let lost = max(1.0 - exp(-depth), 1e-20);
+    let out = exp(-above * deeper) * (1.0 - exp(-depth * (1.0 + deeper))) / ((1.0 + deeper) * lost);
+    let others = 1.0 - dot(WAYS_OUT, vec3f(1.0));
+    return dot(WAYS_OUT, out) + others * exp(-sigma_t * reach);
 }
 
 fn share_out(x: vec3f, lost: f32) {

@@ -9,9 +9,9 @@
 // there is no matter in cells closer than that; then by how much extinction can change between two voxels
 // in the cell. The bins that are relied on by reading it; and in two halves the values, of
 // 65535 shares of the data's range, below and above which there is no matter in the cell.
-@group(0) @binding(37) var macrocells: texture_3d<u32>;
+@group(0) @binding(9) var macrocells: texture_3d<u32>;
 
-const BOUNDED_EDGE = 4.0;
+const MACROCELL_EDGE = 4.0;
 // The next cell is looked up this far (world units) behind the border, or less in thin volumes.
 const BORDER_MARGIN = 1e-6;
 // Below this a transmittance is continued at even odds, at twice its value.
@@ -48,7 +48,7 @@ fn track(path: ptr<function, Path>, pixel: vec2u, steps: ptr<function, u32>) -> 
     let shadow = (*path).stage == SHADOW;
     let end = (*path).end;
     // Along the ray everything is linear: cells, distances of their borders, and place in the volume.
-    let to_cells = frame.voxels / (BOUNDED_EDGE * frame.size_world);
+    let to_cells = frame.voxels / (MACROCELL_EDGE * frame.size_world);
     let cell_origin = (ray.origin + 0.5 * frame.size_world) * to_cells;
     let cell_slope = ray.direction * to_cells;
     let tiny = select(vec3f(PARALLEL), vec3f(-PARALLEL), cell_slope < vec3f(0.0));
@@ -67,7 +67,7 @@ fn track(path: ptr<function, Path>, pixel: vec2u, steps: ptr<function, u32>) -> 
     var through = (*path).transmittance;
     var left = *steps;
     var outcome = select(ESCAPE, UNFINISHED, lookup < end);
-    var cell = bounds_at(cell_origin + lookup * cell_slope, last_cell);
+    var cell = cell_at(cell_origin + lookup * cell_slope, last_cell);
     var far = min(last_border(cell, border_origin, border_slope), end);
     if cell.bound > 0.0 { t = max(t, first_border(cell, border_origin, border_slope)); }
     while outcome == UNFINISHED && left > 0u {
@@ -108,7 +108,7 @@ fn track(path: ptr<function, Path>, pixel: vec2u, steps: ptr<function, u32>) -> 
         while !found && outcome == UNFINISHED && left > 0u {
             left -= 1u;
             lookups.y += 1u;
-            cell = bounds_at(cell_origin + lookup * cell_slope, last_cell);
+            cell = cell_at(cell_origin + lookup * cell_slope, last_cell);
             bins_met |= cell.bins;
             far = min(last_border(cell, border_origin, border_slope), end);
             if cell.bound > 0.0 {
@@ -151,7 +151,7 @@ struct Macrocell {
     free: u32,
 }
 
-fn bounds_at(x: vec3f, last_cell: vec3f) -> Macrocell {
+fn cell_at(x: vec3f, last_cell: vec3f) -> Macrocell {
     let place = clamp(floor(x), vec3f(0.0), last_cell);
     let known = textureLoad(macrocells, vec3i(place), 0);
     return Macrocell(place, bitcast<f32>(known.x & 0xffff0000u), bitcast<f32>(known.x << 16u), known.yz, known.w);

@@ -129,7 +129,7 @@ fn layout_entries() -> [wgpu::BindGroupLayoutEntry; 18] {
         entry(6, write()),
         entry(7, texture(D3, floats)),
         entry(8, wgpu::BindingType::Sampler(wgpu::SamplerBindingType::NonFiltering)),
-        entry(37, texture(D3, wgpu::TextureSampleType::Uint)),
+        entry(9, texture(D3, wgpu::TextureSampleType::Uint)),
         entry(10, write()),
         entry(20, texture(D2, floats)),
         entry(12, texture(D2, floats)),

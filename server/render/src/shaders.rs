@@ -199,11 +199,6 @@ pub const MARCH_TRANSFER: &str = parts!(
     "ray_cast/cells.wgsl",
     "ray_cast/pieces.wgsl",
     "shared/changes.wgsl",
-    "shared/random.wgsl",
-    "shared/path.wgsl",
-    "shared/tracking.wgsl",
-    "photon_map/seen.wgsl",
-    "photon_map/looked_at.wgsl",
     "precomputed_transfer/transfer.wgsl",
     "precomputed_transfer/direct.wgsl",
 );

@@ -267,7 +267,7 @@ impl Kept {
                 if let Todo::Test(bins) = what
                     && changed_map.as_ref().is_none_or(|(of, _)| *of != bins)
                 {
-                    changed_map = Some((bins, map_of(gpu, scene, bins, 0)?));
+                    changed_map = Some((bins, map_of(gpu, scene, bins)?));
                 }
                 let first = index as u32 * run_nodes;
                 let count = run_nodes.min(nodes - first);
@@ -305,16 +305,10 @@ impl Kept {
     }
 }
 
-/// Distances to macrocells with one of the bins, and to those no more than `around` cells from them.
-pub(crate) fn map_of(
-    gpu: &Gpu,
-    scene: &Scene,
-    bins: u64,
-    around: u8,
-) -> Result<wgpu::TextureView, RenderError> {
+/// Distances to macrocells with one of the bins.
+pub(crate) fn map_of(gpu: &Gpu, scene: &Scene, bins: u64) -> Result<wgpu::TextureView, RenderError> {
     let cells = &scene.volume.macrocells;
-    let mut bytes = distance_map(cells.dims, cells.masks(scene.filter), bins);
-    bytes.iter_mut().for_each(|distance| *distance = distance.saturating_sub(around));
+    let bytes = distance_map(cells.dims, cells.masks(scene.filter), bins);
     let [width, height, depth] = cells.dims.map(|n| n as u32);
     let size = wgpu::Extent3d { width, height, depth_or_array_layers: depth };
     let (dimension, format) = (wgpu::TextureDimension::D3, wgpu::TextureFormat::R8Uint);

@@ -168,7 +168,7 @@ impl FieldOfPhotons {
                     binding: 8,
                     resource: wgpu::BindingResource::Sampler(&pipelines.sampler),
                 },
-                texture_entry(37, majorants),
+                texture_entry(9, majorants),
                 buffer_entry(13, &self.mass_uniform),
                 buffer_entry(14, &self.moments),
                 buffer_entry(15, &list),

@@ -388,7 +388,7 @@ impl Chunk {
                     binding: 8,
                     resource: wgpu::BindingResource::Sampler(&pipelines.sampler),
                 },
-                texture_entry(37, majorants),
+                texture_entry(9, majorants),
                 buffer_entry(10, &in_flight.paths),
                 buffer_entry(13, &in_flight.uniform),
                 buffer_entry(14, &self.places),

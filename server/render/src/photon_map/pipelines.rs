@@ -171,14 +171,14 @@ impl PhotonPipelines {
     /// With other sources of two of the modules.
     pub fn of_sources(gpu: Arc<Gpu>, trace_source: Source, take_up_source: Source) -> Self {
         use Entry::{Cells, Field, Read, Sampler, Table, Uniform, Volume, Write};
-        let matter = [Uniform(0), Table(1), Table(2), Volume(7), Sampler(8), Cells(37)];
+        let matter = [Uniform(0), Table(1), Table(2), Volume(7), Sampler(8), Cells(9)];
         let mut trace = vec![Uniform(3), Uniform(13)];
         trace.extend([6, 10, 14, 15, 16, 17, 18, 19].map(Write));
         trace.extend(matter);
         let mut take_up = vec![Uniform(0), Uniform(4), Uniform(13), Table(12), Table(20)];
         take_up.extend([6, 10, 14, 15, 16, 17].map(Write));
         let mut mass = vec![Uniform(13), Write(14), Read(15)];
-        mass.extend([Uniform(0), Table(1), Table(2), Volume(7), Sampler(8), Cells(37)]);
+        mass.extend([Uniform(0), Table(1), Table(2), Volume(7), Sampler(8), Cells(9)]);
         let fill = [Uniform(0), Read(1), Read(2), Read(3), Field(5), Write(9)];
         Self {
             trace: Module::new(&gpu, "trace_photons", trace_source, &trace),

@@ -142,7 +142,7 @@ impl Bake {
             gpu.dispatch(&pipelines.of(&pipelines.enter), &pipelines.enter.bind(gpu, &entries), groups);
             window.entered = true;
         }
-        let mut entries = matter.entries(inputs, &held.settings).to_vec();
+        let mut entries = matter.entries(inputs, &matter.majorants, &held.settings).to_vec();
         entries.extend([
             buffer_entry(3, &matter.materials),
             buffer_entry(6, &workshop.counters),

@@ -2,9 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::DVec3;
 use scene::Scene;
-use scene::macrocells::MACROCELL_EDGE;
 
 use super::bake::Bake;
 use super::basis::mean_shown;
@@ -15,7 +13,6 @@ use crate::direct_light::{changed_bins, map_of};
 use crate::error::RenderError;
 use crate::gpu::{buffer_entry, texture_entry};
 use crate::illumination::Inputs;
-use crate::photon_map::reach_of;
 use crate::uniforms;
 
 /// Directions marched between looks at the clock.
@@ -26,9 +23,6 @@ const SPREAD_AT_ONCE: u32 = 16;
 /// times as many.
 pub const STALE_AT_ONCE: u64 = 16;
 pub const MOST_LISTED: u64 = 1 << 20;
-/// Where more of the beams that meet the box than this share meet a change, all are marched anew: each
-/// that meets one is marched twice.
-const MOST_STALE: f64 = 0.35;
 
 /// What became of beams' ways since they were marched.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -92,13 +86,6 @@ impl Bake {
         inputs.gpu.wait()
     }
 
-    /// Across how many macrocells losses are looked at from.
-    fn seen_across(&self, scene: &Scene) -> u8 {
-        let voxel = scene.grid.size_world / DVec3::from_array(scene.grid.dims.map(|n| n as f64));
-        let cell = MACROCELL_EDGE as f64 * voxel.min_element();
-        (reach_of(scene, self.mass.dims) / cell).ceil().min(255.0) as u8
-    }
-
     /// Directions whose stale beams are listed together.
     fn directions_at_once(&self) -> u64 {
         let beams = self.at_hand().map_or(1, |(_, workshop)| u64::from(workshop.edge * workshop.edge));
@@ -141,13 +128,12 @@ impl Bake {
         work: &mut Work,
     ) -> Result<(), RenderError> {
         if self.changed_map.as_ref().is_none_or(|(of, _)| *of != bins) {
-            let around = self.seen_across(&from.scene).max(self.seen_across(&self.matter.scene));
-            self.changed_map = Some((bins, map_of(inputs.gpu, &self.matter.scene, bins, around)?));
+            self.changed_map = Some((bins, map_of(inputs.gpu, &self.matter.scene, bins)?));
         }
         let listed = self.list_beams(inputs, [first, end])?;
         let Some((_, workshop)) = self.at_hand() else { return Ok(()) };
         let met = mean_shown(self.matter.scene.grid.size_world) / workshop.area;
-        if f64::from(listed) > MOST_STALE * met * (end - first) as f64 {
+        if f64::from(listed) > inputs.transfer_pipelines.most_stale * met * (end - first) as f64 {
             return self.march_anew(inputs, [first, end], work);
         }
         if listed > 0 {
@@ -205,11 +191,11 @@ impl Bake {
         gpu.queue.write_buffer(&held.settings, 0, bytemuck::bytes_of(&settings));
         let quads = inputs.texture.quads.as_ref().unwrap_or(&inputs.texture.view);
         let changed = self.changed_map.as_ref().map_or(&matter.distance_map, |(_, map)| map);
-        let mut entries = matter.entries(inputs, &held.settings).to_vec();
+        let mut entries = matter.entries(inputs, &matter.distance_map, &held.settings).to_vec();
         entries.extend([
-            texture_entry(9, &matter.distance_map),
             texture_entry(11, changed),
             texture_entry(12, quads),
+            texture_entry(13, &matter.majorants),
             buffer_entry(22, &workshop.beams),
             buffer_entry(24, &held.fallen),
             buffer_entry(28, &held.texel_rows),

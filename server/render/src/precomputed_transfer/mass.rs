@@ -99,7 +99,7 @@ impl Mass {
                     binding: 8,
                     resource: wgpu::BindingResource::Sampler(&pipelines.sampler),
                 },
-                texture_entry(37, majorants),
+                texture_entry(9, majorants),
                 buffer_entry(13, &mass),
                 buffer_entry(14, &moments),
                 buffer_entry(15, &list),

@@ -51,10 +51,11 @@ impl Matter {
         buffer_entry(0, &self.frame)
     }
 
-    /// What passes through matter read.
+    /// What passes through matter read; `cells`: distances to matter, or bounds of the extinction.
     pub fn entries<'a>(
         &'a self,
         inputs: &Inputs<'a>,
+        cells: &'a wgpu::TextureView,
         settings: &'a wgpu::Buffer,
     ) -> [wgpu::BindGroupEntry<'a>; 7] {
         let sampler = &inputs.transfer_pipelines.sampler;
@@ -64,7 +65,7 @@ impl Matter {
             texture_entry(2, &self.cells),
             texture_entry(7, &inputs.texture.view),
             wgpu::BindGroupEntry { binding: 8, resource: wgpu::BindingResource::Sampler(sampler) },
-            texture_entry(37, &self.majorants),
+            texture_entry(9, cells),
             buffer_entry(21, settings),
         ]
     }

@@ -16,8 +16,8 @@ use crate::volume_texture::VolumeTexture;
 /// Invocations of a workgroup, as in the shaders.
 pub const GROUP: u32 = 64;
 
-/// Where more photons than this share are stale, all are followed anew: each stale one is followed twice,
-/// to be taken out and to come again.
+/// Where more photons, or beams that meet the box, than this share are stale, all are followed anew: each
+/// stale one is followed twice, to be taken out and to come again.
 const MOST_STALE: f64 = 0.4;
 
 /// A compiled specialisation.
@@ -85,7 +85,7 @@ pub struct Pipelines {
     pub light_rows: Module,
     /// Reads nothing, but the modules declare it.
     pub sampler: wgpu::Sampler,
-    /// Where more photons than this share are stale, 0 to 1, a bake is made anew.
+    /// Where more photons than this share are stale, 0 to 1, a bake is made anew; and beams are.
     pub most_stale: f64,
 }
 
@@ -189,10 +189,10 @@ impl Pipelines {
     pub fn of_sources(gpu: Arc<Gpu>, sources: Sources) -> Self {
         use Kind::{Cells, Field, Read, Sampler, Table, Uniform, Volume, Write};
         let matter =
-            [(0, Uniform), (1, Table), (2, Table), (7, Volume), (8, Sampler), (37, Cells), (21, Read)];
+            [(0, Uniform), (1, Table), (2, Table), (7, Volume), (8, Sampler), (9, Cells), (21, Read)];
         let with = |more: &[Entry]| matter.iter().chain(more).copied().collect::<Vec<_>>();
         let march =
-            with(&[(9, Cells), (11, Cells), (12, Volume), (22, Read), (24, Write), (28, Read), (33, Read)]);
+            with(&[(11, Cells), (12, Volume), (13, Cells), (22, Read), (24, Write), (28, Read), (33, Read)]);
         let list_beams = [(0, Uniform), (6, Write), (11, Cells), (21, Read), (22, Read), (34, Write)];
         let spread = [(21, Read), (23, Read), (24, Read), (26, Write)];
         let enter = [(0, Uniform), (10, Write), (21, Read), (27, Read), (32, Write), (33, Read)];

@@ -380,7 +380,7 @@ impl Renderer {
                         binding: 8,
                         resource: wgpu::BindingResource::Sampler(&self.path_tracer.sampler),
                     },
-                    texture_entry(37, majorants),
+                    texture_entry(9, majorants),
                     buffer_entry(10, &paths.paths),
                     texture_entry(20, &environment.radiance),
                     texture_entry(12, &environment.draws),
