@@ -4,7 +4,7 @@
 
 @group(0) @binding(0) var<uniform> fill: Fill;
 @group(0) @binding(1) var<storage, read> sums: array<u32>;
-@group(0) @binding(2) var<storage, read> moments: array<f32>;
+@group(0) @binding(2) var<storage, read> moments: array<u32>;
 @group(0) @binding(3) var<storage, read> touched: array<u32>;
 // Of each texel and coefficient: lights so far.
 @group(0) @binding(9) var<storage, read_write> totals: array<vec4f>;
@@ -73,7 +73,7 @@ fn mass_around(texel: vec3u) -> f32 {
         for (var corner = 0u; corner < 8u; corner++) {
             let upper = vec3u(corner & 1u, (corner >> 1u) & 1u, corner >> 2u);
             let held = clamp(vec3i(cell) - 1 + vec3i(upper), vec3i(0), vec3i(fill.dims) - 1);
-            if all(held == vec3i(texel)) { sum += moments[first + corner]; }
+            if all(held == vec3i(texel)) { sum += bitcast<f32>(moments[first + corner]); }
         }
     }
     return sum;

@@ -2,8 +2,9 @@
 // with. Between eight texel centres extinction is added up with their trilinear weights, which are the
 // shares of `deposit`: the quotient of the two is fluence, wherever matter begins and ends.
 
-// Cells between texel centres, one more than texels along each axis: of each eight sums.
-@group(0) @binding(14) var<storage, read_write> moments: array<f32>;
+// Cells between texel centres, one more than texels along each axis: of each eight sums, as their bits, and,
+// if it is `FACED`, for each the mean direction that it is seen from, in 127ths of 1 (x, y, z).
+@group(0) @binding(14) var<storage, read_write> moments: array<u32>;
 // Blocks of 2^3 cells to be added up.
 @group(0) @binding(15) var<storage, read> blocks: array<u32>;
 @group(0) @binding(13) var<uniform> mass: Mass;
@@ -16,6 +17,8 @@ struct Mass {
     count: u32,
 }
 
+// Whether it is told where matter is seen from.
+override FACED: bool = false;
 // Cells along an axis of a block, and its places; with what they are looked at through.
 const CELLS = 2u;
 const INNER = CELLS * PLACES;
@@ -26,8 +29,8 @@ const LANES = 64u;
 
 // Extinction at the block's places and around them; below 0: of what may be hidden.
 var<workgroup> extinction: array<f32, OUTER_PLACES>;
-// What counts of it.
-var<workgroup> counted: array<f32, INNER_PLACES>;
+// What counts of it (w), and as much times where it is seen from.
+var<workgroup> counted: array<vec4f, INNER_PLACES>;
 var<workgroup> any_dense: atomic<u32>;
 
 @compute @workgroup_size(64)
@@ -60,13 +63,14 @@ fn add_up_mass(
     for (var i = lane; i < INNER_PLACES; i += LANES) {
         let place = vec3u(i % INNER, i / INNER % INNER, i / (INNER * INNER)) + REACH;
         let found = extinction[index_of(place)];
-        counted[i] = select(found, seen_of(place, -found, step), found < 0.0);
+        counted[i] = vec4f(0.0, 0.0, 0.0, found);
+        if found < 0.0 { counted[i] = seen_of(place, -found, step); }
     }
     workgroupBarrier();
     // Of eight cells eight sums.
     let cell_in_block = vec3u(lane >> 3u & 1u, lane >> 4u & 1u, lane >> 5u);
     let upper = vec3u(lane & 1u, lane >> 1u & 1u, lane >> 2u & 1u);
-    var sum = 0.0;
+    var sum = vec4f(0.0);
     for (var i = 0u; i < PLACES * PLACES * PLACES; i++) {
         let place = vec3u(i % PLACES, i / PLACES % PLACES, i / (PLACES * PLACES));
         let part = (vec3f(place) + 0.5) / f32(PLACES);
@@ -77,7 +81,10 @@ fn add_up_mass(
     let cell = first_cell + cell_in_block;
     if which < mass.count && all(cell <= mass.dims) {
         let index = (cell.z * (mass.dims.y + 1u) + cell.y) * (mass.dims.x + 1u) + cell.x;
-        moments[8u * index + (lane & 7u)] = sum * (step.x * step.y * step.z);
+        let seen_from = sum.xyz / max(sum.w, 1e-30);
+        let first = select(8u, 16u, FACED) * index;
+        moments[first + (lane & 7u)] = bitcast<u32>(sum.w * (step.x * step.y * step.z));
+        if FACED { moments[first + 8u + (lane & 7u)] = pack4x8snorm(vec4f(seen_from, 0.0)); }
     }
 }
 
@@ -112,10 +119,10 @@ fn extinction_at(first_cell: vec3u, place: vec3f) -> vec2f {
 
 // Extinction at a place times what is left of its light some way off, on average over directions. Along
 // each the extinction between two places is that of the first: so the place itself, however thick it is,
-// is integrated, and so is a skin that is thinner than it.
-fn seen_of(place: vec3u, sigma_t: f32, step: vec3f) -> f32 {
+// is integrated, and so is a skin that is thinner than it. As `counted`.
+fn seen_of(place: vec3u, sigma_t: f32, step: vec3f) -> vec4f {
     let reach = reach_of(step);
-    var seen = 0.0;
+    var seen = vec4f(0.0);
     for (var way = 0u; way < 27u; way++) {
         let onward = vec3i(vec3u(way % 3u, way / 3u % 3u, way / 9u)) - 1;
         let kind = u32(dot(abs(onward), vec3i(1)));
@@ -130,7 +137,8 @@ fn seen_of(place: vec3u, sigma_t: f32, step: vec3f) -> f32 {
         let own = sigma_t * length_of_step;
         // (1 - exp(-own)) / own, which is 1 for thin matter.
         let through = select((1.0 - exp(-own)) / own, 1.0 - 0.5 * own, own < 1e-3);
-        if kind > 0u { seen += SHARES[kind - 1u] * sigma_t * through * exp(-depth); }
+        let towards = vec3f(onward) * step / max(length_of_step, 1e-30);
+        if kind > 0u { seen += SHARES[kind - 1u] * sigma_t * through * exp(-depth) * vec4f(towards, 1.0); }
     }
     return seen;
 }

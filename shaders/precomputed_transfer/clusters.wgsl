@@ -3,7 +3,7 @@
 
 // Directions as matrices are laid out, direction by direction where rows are.
 @group(0) @binding(24) var<storage, read> directions: array<f32>;
-@group(0) @binding(25) var<storage, read> masses: array<f32>;
+@group(0) @binding(25) var<storage, read> masses: array<vec4f>;
 // Of each row.
 @group(0) @binding(26) var<storage, read> weights: array<f32>;
 @group(0) @binding(27) var<storage, read> clusters: array<u32>;
@@ -42,9 +42,9 @@ fn light_rows(@builtin(global_invocation_id) id: vec3u) {
     let k = id.y;
     let row = texel_rows[id.x];
     var radiance = vec3f(0.0);
-    var mass = 0.0;
+    var mass = vec4f(0.0);
     if row != NO_ROW { mass = masses[row]; }
-    if mass > 0.0 {
+    if mass.w > 0.0 {
         let count = arrayLength(&lit) / (transfer.bands * transfer.bands);
         let first = k * count + DIRECTIONS * clusters[row];
         for (var j = 0u; j < DIRECTIONS; j++) {

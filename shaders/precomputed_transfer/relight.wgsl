@@ -1,7 +1,7 @@
 // From matrices to light: the light vector times each texel's matrix is the light field (eq. 15 of the
 // paper).
 
-@group(0) @binding(25) var<storage, read> masses: array<f32>;
+@group(0) @binding(25) var<storage, read> masses: array<vec4f>;
 @group(0) @binding(26) var<storage, read> direct_light: array<f32>;
 @group(0) @binding(28) var<storage, read> texel_rows: array<u32>;
 // What photons brought, in units of `transfer.unit`: of whole numbers of 64 bits low and high words.
@@ -22,9 +22,9 @@ fn relight(@builtin(global_invocation_id) id: vec3u) {
     let k = id.y;
     let row = texel_rows[id.x];
     var radiance = vec3f(0.0);
-    var mass = 0.0;
+    var mass = vec4f(0.0);
     if row != NO_ROW { mass = masses[row]; }
-    if mass > 0.0 {
+    if mass.w > 0.0 {
         let coefficients = transfer.bands * transfer.bands;
         for (var b = 0u; b < transfer.bases; b++) {
             var response = vec3f(scattered(k, b, row));

@@ -151,7 +151,7 @@ fn integrate(way: Way, from_t: f32, to_t: f32, counts: ptr<function, vec4u>) -> 
                     if material.surface > 0.0 || SKINS { gradient = gradient_at(x / frame.size_world + 0.5); }
                 }
                 var source = vec3f(0.0);
-                if FIELD_BANDS > 0u { source = scattered_from_field(x, w_o, albedo, material, gradient); }
+                if FIELD_BANDS > 0u { source = scattered_from_field(x, w_o, albedo, material, gradient, max(part.sigma_t.x, part.sigma_t.y)); }
                 if SKINS { source *= seen_at_a_slant(w_o, albedo, material, gradient, max(part.sigma_t.x, part.sigma_t.y)); }
                 if FIELD_BANDS == 0u || DIRECT { source += scattered_radiance(x, w_o, albedo, material, gradient); }
                 if EMISSION { source += (1.0 - albedo) * emission_at(place); }

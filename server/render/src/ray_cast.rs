@@ -36,6 +36,8 @@ pub struct Variant {
     pub near_parts: Option<u32>,
     /// Whether its texels hold means of what is seen of skins; `SKINS` in the shader.
     pub skins: bool,
+    /// Whether these hold where skins are seen from; `FACED` in the shader.
+    pub faced: bool,
     /// Whether an image lies behind the volume; `ENVIRONMENT_IMAGE` in the shader.
     pub image_behind: bool,
     /// What the scene uses.
@@ -79,6 +81,7 @@ impl Variant {
             field_bands: field.map_or(0, |field| field.bands),
             near_parts: field.and_then(LightField::near_parts),
             skins: field.is_some_and(LightField::has_skins),
+            faced: field.is_some_and(|field| field.faced),
             image_behind: matches!(scene.background, Background::Image { .. }),
             features: if scene.rendering.is_lit() { Features::of(scene) } else { Features::default() },
         }
@@ -186,6 +189,7 @@ impl RayCaster {
             constants.push(("FIELD_BANDS", f64::from(variant.field_bands)));
             constants.push(("DIRECT", f64::from(u8::from(variant.near_parts.is_some()))));
             constants.push(("SKINS", f64::from(u8::from(variant.skins))));
+            constants.push(("FACED", f64::from(u8::from(variant.faced))));
             constants.push(("NEAR_PARTS", f64::from(variant.near_parts.unwrap_or(0))));
             constants.push(("ENVIRONMENT_IMAGE", f64::from(u8::from(variant.image_behind))));
             constants.push(("KEEP_SEGMENTS", f64::from(u8::from(variant.keep_segments))));

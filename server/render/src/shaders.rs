@@ -261,6 +261,7 @@ pub const MOVE_ROWS: &str =
 pub const RELIGHT: &str = parts!(
     "shared/whole_number.wgsl",
     "precomputed_transfer/transfer.wgsl",
+    "precomputed_transfer/field_weights.wgsl",
     "precomputed_transfer/field.wgsl",
     "precomputed_transfer/relight.wgsl",
 );
@@ -268,6 +269,7 @@ pub const RELIGHT: &str = parts!(
 /// `light_directions` and `light_rows`: light from compressed matrices.
 pub const LIGHT_CLUSTERS: &str = parts!(
     "precomputed_transfer/transfer.wgsl",
+    "precomputed_transfer/field_weights.wgsl",
     "precomputed_transfer/field.wgsl",
     "precomputed_transfer/clusters.wgsl",
 );

@@ -33,6 +33,8 @@ pub(crate) struct LightField {
     /// How far off skins of matter that is opaque within a texel were looked at from, world units; 0: there
     /// is no such matter, or texels do not hold means of skins.
     reach: f32,
+    /// Whether it is told where skins are seen from: with the coefficients 1 to 3, as the mass with the first.
+    pub faced: bool,
     /// Whether a place takes the texel it lies in, instead of interpolating between texels.
     pub nearest: bool,
     /// `Field` of the shader.
@@ -125,6 +127,7 @@ impl LightField {
             direct: None,
             scale: 1.0,
             reach: 0.0,
+            faced: false,
             nearest: false,
             uniform,
             gpu: gpu.clone(),

@@ -176,7 +176,7 @@ impl FieldOfPhotons {
         });
         let groups = blocks.len() as u32;
         let columns = groups.min(MAX_GROUPS);
-        gpu.dispatch(&pipelines.mass(scene.filter), &bind_group, [columns, groups.div_ceil(columns)]);
+        gpu.dispatch(&pipelines.mass(scene.filter, false), &bind_group, [columns, groups.div_ceil(columns)]);
         gpu.wait()?;
         Ok(true)
     }

@@ -69,7 +69,7 @@ pub struct PhotonPipelines {
     trial: Mutex<PhotonTrial>,
     traces: Variants<(PhotonVariant, bool)>,
     takes_up: Variants<bool>,
-    masses: Variants<bool>,
+    masses: Variants<(bool, bool)>,
     fills: Variants<u32>,
     /// Reads nothing, but the modules declare it.
     pub sampler: wgpu::Sampler,
@@ -220,10 +220,11 @@ impl PhotonPipelines {
         self.takes_up.get(has_image, || self.take_up.compile(&self.gpu, &constants))
     }
 
-    pub fn mass(&self, filter: Filter) -> wgpu::ComputePipeline {
+    /// `faced`: where matter is seen from is told, too.
+    pub fn mass(&self, filter: Filter, faced: bool) -> wgpu::ComputePipeline {
         let nearest = filter == Filter::Nearest;
-        let constants = [("FILTER", if nearest { 2.0 } else { 1.0 })];
-        self.masses.get(nearest, || self.mass.compile(&self.gpu, &constants))
+        let constants = [("FILTER", if nearest { 2.0 } else { 1.0 }), ("FACED", f64::from(u8::from(faced)))];
+        self.masses.get((nearest, faced), || self.mass.compile(&self.gpu, &constants))
     }
 
     pub fn fill(&self, bands: u32) -> wgpu::ComputePipeline {

@@ -76,6 +76,7 @@ impl Bake {
         let mass = Mass::that_fits(inputs, &layout, coloured, &mut reach)?;
         let mut field = LightField::new(gpu, mass.dims, layout.bands)?;
         field.nearest = layout.nearest;
+        field.faced = true;
         let basis = Basis::new(layout.lights);
         let tables = Tables::new(&basis, &layout, scene.grid.size_world, mass.dims);
         let held = match mass.rows.is_empty() {

@@ -1,6 +1,6 @@
 //! Matrices and tables of a bake on the GPU.
 
-use glam::DVec3;
+use glam::{DVec3, Vec4};
 
 use super::basis::{Basis, Directions, Flights};
 use super::beams::BeamSet;
@@ -186,7 +186,7 @@ impl Held {
         let held = Self {
             settings: gpu.buffer("transfer", std::mem::size_of::<uniforms::Transfer>() as u64, STORAGE)?,
             texel_rows: gpu.buffer("rows of texels", texel_count, STORAGE)?,
-            masses: gpu.buffer("extinction around texels", 4 * rows, STORAGE)?,
+            masses: gpu.buffer("extinction around texels", 16 * rows, STORAGE)?,
             direct: gpu.buffer("matrices of direct light", plane, STORAGE)?,
             fallen: gpu.buffer("what beams lost", fallen_bytes(rows, layout), STORAGE)?,
             low_words: gpu.buffer("sums of photons", words, STORAGE)?,
@@ -204,9 +204,9 @@ impl Held {
     pub fn write_rows(&self, gpu: &Gpu, mass: &Mass) {
         let of = |texel: &u32| {
             let row = mass.rows.binary_search_by_key(texel, |row| row.0);
-            row.map_or(0.0, |row| mass.rows[row].1 / mass.largest)
+            row.map_or(Vec4::ZERO, |row| mass.rows[row].1 / mass.largest)
         };
-        let masses: Vec<f32> = self.texels.iter().map(of).collect();
+        let masses: Vec<[f32; 4]> = self.texels.iter().map(|texel| of(texel).to_array()).collect();
         gpu.queue.write_buffer(&self.masses, 0, bytemuck::cast_slice(&masses));
         let rows = rows_of_texels(mass.dims, &self.texels);
         gpu.queue.write_buffer(&self.texel_rows, 0, bytemuck::cast_slice(&rows));

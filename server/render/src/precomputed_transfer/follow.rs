@@ -181,7 +181,7 @@ impl Bake {
             }
             let plane = plane_bytes(rows, &self.layout);
             held.direct = gpu.buffer("matrices of direct light", plane, STORAGE)?;
-            held.masses = gpu.buffer("extinction around texels", 4 * rows, STORAGE)?;
+            held.masses = gpu.buffer("extinction around texels", 16 * rows, STORAGE)?;
             held.texels = texels;
         }
         held.write_rows(gpu, &self.mass);

@@ -9,7 +9,7 @@ use crate::gpu::Gpu;
 use crate::shaders;
 
 /// Counts changes of what the processor does for a bake, beyond the tables that it makes.
-const BAKE_VERSION: u32 = 2;
+const BAKE_VERSION: u32 = 3;
 
 /// Of a bake's scene: nothing of lights, camera or film.
 pub fn key(gpu: &Gpu, scene: &Scene, layout: &Layout, mass: &Mass, tables: &[u8; 32]) -> Key {
@@ -44,8 +44,9 @@ pub fn key(gpu: &Gpu, scene: &Scene, layout: &Layout, mass: &Mass, tables: &[u8;
     }
     // The grid that there was room for.
     add(format!("{:?}", mass.dims).as_bytes());
-    let rows: Vec<u8> =
-        mass.rows.iter().flat_map(|row| [row.0, row.1.to_bits()]).flat_map(u32::to_le_bytes).collect();
-    add(&rows);
+    for (texel, mass) in &mass.rows {
+        add(&texel.to_le_bytes());
+        add(bytemuck::cast_slice(&mass.to_array()));
+    }
     *hasher.finalize().as_bytes()
 }

@@ -1,6 +1,8 @@
 //! How much extinction there is around the texels of a field, by the pass of `photon_map`: what photons
 //! are compared with, and which texels there are matrices for.
 
+use glam::{DVec4, Vec4};
+
 use super::buffers::matrix_bytes;
 use super::layout::Layout;
 use super::reach::Reach;
@@ -12,8 +14,9 @@ use crate::{light_field, uniforms};
 
 /// No row: as in shaders/precomputed_transfer/.
 pub const NO_ROW: u32 = u32::MAX;
-/// Eight sums of extinction a cell, f32.
+/// Eight sums of extinction a cell, f32, and where each is seen from, four bytes.
 const MOMENTS: usize = 8;
+const MOMENT_WORDS: usize = 2 * MOMENTS;
 /// Most workgroups along an axis of a dispatch.
 const MAX_GROUPS: u32 = 65_535;
 
@@ -34,9 +37,10 @@ pub fn limit(gpu: &Gpu) -> u64 {
 pub struct Mass {
     /// Texels.
     pub dims: [u32; 3],
-    /// Texels around which there may be matter, in their order, and how much there is: extinction
-    /// integrated over the texel's share of places, as far as these tell.
-    pub rows: Vec<(u32, f32)>,
+    /// Texels around which there may be matter, in their order, and how much there is (w): extinction
+    /// integrated over the texel's share of places, as far as it is seen, as these tell; and as much times
+    /// where it is seen from (x, y, z).
+    pub rows: Vec<(u32, Vec4)>,
     /// The largest one; 1 where there is none.
     pub largest: f32,
 }
@@ -77,7 +81,7 @@ impl Mass {
         let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         let cells: Vec<u32> = (0..dims.iter().map(|&n| n + 1).product()).collect();
         let blocks = blocks_with(dims, &cells);
-        let moments_bytes = (4 * MOMENTS * cells.len()) as u64;
+        let moments_bytes = (4 * MOMENT_WORDS * cells.len()) as u64;
         let moments = gpu.buffer("extinction around texels", moments_bytes, storage)?;
         let list = gpu.buffer("blocks to be added up", 4 * blocks.len() as u64, storage)?;
         gpu.queue.write_buffer(&list, 0, bytemuck::cast_slice(&blocks));
@@ -107,32 +111,39 @@ impl Mass {
         });
         let groups = blocks.len() as u32;
         let columns = groups.min(MAX_GROUPS);
-        gpu.dispatch(&pipelines.mass(scene.filter), &bind_group, [columns, groups.div_ceil(columns)]);
+        gpu.dispatch(&pipelines.mass(scene.filter, true), &bind_group, [columns, groups.div_ceil(columns)]);
         let bytes = gpu.read_buffer(&moments, moments_bytes)?;
         Ok(Self::of_moments(dims, texels, &bytemuck::pod_collect_to_vec(&bytes)))
     }
 
     /// Adds up for each texel what the cells around it have for it. At the border both corners of a
     /// cell may be the same texel.
-    fn of_moments(dims: [u32; 3], texels: &[u32], moments: &[f32]) -> Self {
+    fn of_moments(dims: [u32; 3], texels: &[u32], moments: &[u32]) -> Self {
         let [width, height, depth] = dims.map(|n| n as usize);
-        let mut sums = vec![0.0_f64; width * height * depth];
+        let mut sums = vec![DVec4::ZERO; width * height * depth];
         let across = [width + 1, height + 1];
-        for (cell, eight) in moments.chunks_exact(MOMENTS).enumerate() {
+        for (cell, words) in moments.chunks_exact(MOMENT_WORDS).enumerate() {
             let cell = [cell % across[0], cell / across[0] % across[1], cell / (across[0] * across[1])];
-            for (corner, &moment) in eight.iter().enumerate() {
+            for corner in 0..MOMENTS {
                 let texel = |axis: usize| {
                     let upper = cell[axis] + (corner >> axis & 1);
                     upper.saturating_sub(1).min(dims[axis] as usize - 1)
                 };
-                sums[(texel(2) * height + texel(1)) * width + texel(0)] += f64::from(moment);
+                sums[(texel(2) * height + texel(1)) * width + texel(0)] +=
+                    weighted(words[corner], words[MOMENTS + corner]);
             }
         }
-        let rows: Vec<(u32, f32)> =
-            texels.iter().map(|&texel| (texel, sums[texel as usize] as f32)).collect();
-        let largest = rows.iter().map(|row| row.1).fold(0.0, f32::max);
+        let rows: Vec<(u32, Vec4)> =
+            texels.iter().map(|&texel| (texel, sums[texel as usize].as_vec4())).collect();
+        let largest = rows.iter().map(|row| row.1.w).fold(0.0, f32::max);
         Self { dims, rows, largest: if largest > 0.0 { largest } else { 1.0 } }
     }
+}
+
+/// A sum from its bits, and as much times where it is seen from, of `pack4x8snorm`.
+fn weighted(sum: u32, seen_from: u32) -> DVec4 {
+    let [x, y, z, _] = seen_from.to_le_bytes().map(|byte| (f64::from(byte as i8) / 127.0).max(-1.0));
+    f64::from(f32::from_bits(sum)) * DVec4::new(x, y, z, 1.0)
 }
 
 /// The row of each texel, or `NO_ROW`; `texels`: those that have one.
@@ -160,14 +171,17 @@ mod tests {
     #[test]
     fn texels_with_matter_have_rows() {
         // Three texels in a row; matter between the second and the third.
-        let mut moments = vec![0.0; 4 * 2 * 2 * MOMENTS];
+        let mut moments = vec![0; 4 * 2 * 2 * MOMENT_WORDS];
         let cell = 2; // x between texels 1 and 2, y and z below the first texel
-        moments[MOMENTS * cell] = 1.0;
-        moments[MOMENTS * cell + 1] = 3.0;
+        moments[MOMENT_WORDS * cell] = 1.0_f32.to_bits();
+        moments[MOMENT_WORDS * cell + 1] = 3.0_f32.to_bits();
+        // One from -y, the other from +x.
+        moments[MOMENT_WORDS * cell + MOMENTS] = 0x0000_8100;
+        moments[MOMENT_WORDS * cell + MOMENTS + 1] = 0x0000_007f;
         let mass = Mass::of_moments([3, 1, 1], &[1, 2], &moments);
-        assert_eq!(mass.rows, [(1, 1.0), (2, 3.0)]);
+        assert_eq!(mass.rows, [(1, Vec4::new(0.0, -1.0, 0.0, 1.0)), (2, Vec4::new(3.0, 0.0, 0.0, 3.0))]);
         assert_eq!(rows_of_texels([3, 1, 1], &[1, 2]), [NO_ROW, 0, 1]);
-        let empty = Mass::of_moments([3, 1, 1], &[], &[0.0; 16 * MOMENTS]);
+        let empty = Mass::of_moments([3, 1, 1], &[], &[0; 16 * MOMENT_WORDS]);
         assert!(empty.rows.is_empty() && empty.largest == 1.0);
     }
 }
