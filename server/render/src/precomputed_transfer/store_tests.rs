@@ -151,7 +151,7 @@ fn keys_tell_apart_what_bakes_follow_from_and_nothing_else() {
     let volume = balls(16);
     let of = |patch: Value, volume: &Arc<PreparedVolume>, tables: u8| {
         let scene = &snapshot(volume, &[patch], 0, 1).scene;
-        let mass = Mass { dims: [4; 3], rows: vec![(1, 0.5)], largest: 0.5 };
+        let mass = Mass { dims: [4; 3], rows: vec![(1, glam::Vec4::splat(0.5))], largest: 0.5 };
         key(&gpu, scene, &Layout::of(scene), &mass, &[tables; 32])
     };
     let mut bright = vec![0; 16 * 16 * 16];
