@@ -200,7 +200,11 @@ fn seen_of_loss(x: vec3f, way: vec3f, above: f32, depth: f32, sigma_t: f32, reac
     let known = textureLoad(bounds, clamp(place, vec3i(0), vec3i(textureDimensions(bounds)) - 1), 0).x;
     if bitcast<f32>(known & 0xffff0000u) * reach <= SEEN_FROM { return 1.0; }
     let gradient = gradient_at(x / frame.size_world + 0.5);
-    let slant = abs(dot(gradient, way)) / max(length(gradient), 1e-20);
+    // Of a window of no width gradients have no length.
+    let largest = max(abs(gradient.x), max(abs(gradient.y), abs(gradient.z)));
+    let has_length = largest > 1e-30 && largest < 1e30;
+    let n = select(way, gradient / largest, has_length);
+    let slant = min(abs(dot(n, way)) / length(n), 1.0);
     let deeper = slant / COSINES;
     let lost = max(1.0 - exp(-depth), 1e-20);
     let out = exp(-above * deeper) * (1.0 - exp(-depth * (1.0 + deeper))) / ((1.0 + deeper) * lost);
