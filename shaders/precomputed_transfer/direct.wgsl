@@ -32,6 +32,8 @@ const CHANGE_MARGIN = 2.0;
 const REACH_TEXELS = 1.3333333;
 const COSINES = vec3f(1.0, 0.70710678, 0.57735027);
 const WAYS_OUT = vec3f(0.0457779, 0.1479224, 0.1407824);
+// Nothing is seen through so much, and products with it are finite.
+const DEEP = 1e4;
 // Optical depth over that distance, by the bound of the macrocell, from which on it makes a difference.
 const SEEN_FROM = 0.5;
 
@@ -181,7 +183,7 @@ fn fall(ray: Ray, from_t: f32, to_t: f32) {
                 let sigma_t = 0.5 * (part.sigma_t.x + part.sigma_t.y);
                 let seen = seen_of_loss(x, ray.direction, above, depth, sigma_t, reach);
                 share_out(x, select(0.0, lost * seen, middle >= counted_from));
-                above = (above + depth) * exp((near.t - part.end.t) / reach);
+                above = min(above + depth, DEEP) * exp((near.t - part.end.t) / reach);
                 passed_t = part.end.t;
             }
             transmittance *= left;
@@ -206,8 +208,8 @@ fn seen_of_loss(x: vec3f, way: vec3f, above: f32, depth: f32, sigma_t: f32, reac
     let n = select(way, gradient / largest, has_length);
     let slant = min(abs(dot(n, way)) / length(n), 1.0);
     let deeper = slant / COSINES;
-    let lost = max(1.0 - exp(-depth), 1e-20);
-    let out = exp(-above * deeper) * (1.0 - exp(-depth * (1.0 + deeper))) / ((1.0 + deeper) * lost);
+    let lost = max(1.0 - exp(-min(depth, DEEP)), 1e-20);
+    let out = exp(-above * deeper) * (1.0 - exp(-min(depth, DEEP) * (1.0 + deeper))) / ((1.0 + deeper) * lost);
     let others = 1.0 - dot(WAYS_OUT, vec3f(1.0));
     return dot(WAYS_OUT, out) + others * exp(-sigma_t * reach);
 }

@@ -169,6 +169,7 @@ pub fn many(canvas: &mut Canvas, entry: &Entry, count: u32) -> Many {
             Err(outcome) => return outcome.fault.map_or(Ok(()), Err),
         };
         if let Some(fault) = outcome.fault {
+            eprintln!("tyndall: stability: by chance: {fault}: {}", recipe.json());
             return Err(fault);
         }
         let (truth, _) = reference(entry, &loaded, IMAGE, REFERENCE_TIME)?;
