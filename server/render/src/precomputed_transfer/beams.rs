@@ -6,6 +6,9 @@ use crate::uniforms;
 
 /// From one beam to the next, in smallest edges of texels.
 const SPACING: f64 = 0.5;
+/// Most beams along an edge of a direction's square: of flat boxes the smallest edge of a texel would ask for
+/// thousands. Lists of beams have 20 bits for a place.
+const MOST_EDGE: f64 = 1000.0;
 /// Whole numbers that sums of beams stay below.
 const MOST_COUNT: f64 = 4_294_967_296.0;
 
@@ -25,9 +28,9 @@ impl BeamSet {
     /// Through a box of this size, in this many texels.
     pub fn new(towards: &[DVec3], size: DVec3, dims: [u32; 3]) -> Self {
         let texel = size / DVec3::from_array(dims.map(f64::from));
-        let spacing = SPACING * texel.min_element();
         // As wide as the sphere around the box, and a beam more, by which squares are shifted.
         let radius = 0.5 * size.length();
+        let spacing = (SPACING * texel.min_element()).max(2.0 * radius / MOST_EDGE);
         let edge = (2.0 * radius / spacing).ceil() as u32 + 1;
         let square = |(index, &towards): (usize, &DVec3)| {
             let across = towards.any_orthonormal_vector();
