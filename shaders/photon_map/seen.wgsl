@@ -29,5 +29,5 @@ fn macrocell_at(uvw: vec3f) -> vec4u {
 
 // Bound of the extinction in a macrocell; 0 or less: there is none.
 fn bound_at(macrocell: vec4u) -> f32 {
-    return bitcast<f32>(macrocell.x & 0xffff0000u);
+    return bitcast<f32>(macrocell.x);
 }

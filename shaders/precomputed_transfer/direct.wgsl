@@ -200,7 +200,7 @@ fn fall(ray: Ray, from_t: f32, to_t: f32) {
 fn seen_of_loss(x: vec3f, way: vec3f, above: f32, depth: f32, sigma_t: f32, reach: f32) -> f32 {
     let place = vec3i(floor((x / frame.size_world + 0.5) * frame.voxels / MACROCELL_EDGE));
     let known = textureLoad(bounds, clamp(place, vec3i(0), vec3i(textureDimensions(bounds)) - 1), 0).x;
-    if bitcast<f32>(known & 0xffff0000u) * reach <= SEEN_FROM { return 1.0; }
+    if bitcast<f32>(known) * reach <= SEEN_FROM { return 1.0; }
     let gradient = gradient_at(x / frame.size_world + 0.5);
     // Of a window of no width gradients have no length.
     let largest = max(abs(gradient.x), max(abs(gradient.y), abs(gradient.z)));

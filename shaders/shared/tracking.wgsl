@@ -5,10 +5,10 @@
 // nearest place at which there can be: the bound of a cell that holds air and skin is no bound of air.
 // And where a cell is dense the value at a place, and how fast it can change, bound the extinction near it.
 
-// The upper halves of the bits of two numbers. First, above 0 a bound of the extinction in the cell, below 0
-// there is no matter in cells closer than that; then by how much extinction can change between two voxels
-// in the cell. The bins that are relied on by reading it; and in two halves the values, of
-// 65535 shares of the data's range, below and above which there is no matter in the cell.
+// The bits of a number: above 0 a bound of the extinction in the cell, below 0 there is no matter in cells
+// closer than that; the bins that are relied on by reading it; and in one word the values, of 1023 shares of
+// the data's range, below and above which there is no matter in the cell (10 bits each), and the upper bits,
+// without sign, of how much extinction can change between two voxels in the cell (12 bits).
 @group(0) @binding(9) var macrocells: texture_3d<u32>;
 
 const MACROCELL_EDGE = 4.0;
@@ -154,7 +154,7 @@ struct Macrocell {
 fn cell_at(x: vec3f, last_cell: vec3f) -> Macrocell {
     let place = clamp(floor(x), vec3f(0.0), last_cell);
     let known = textureLoad(macrocells, vec3i(place), 0);
-    return Macrocell(place, bitcast<f32>(known.x & 0xffff0000u), bitcast<f32>(known.x << 16u), known.yz, known.w);
+    return Macrocell(place, bitcast<f32>(known.x), bitcast<f32>(known.w >> 20u << 19u), known.yz, known.w);
 }
 
 // Where a ray enters and leaves a cell, and those closer than an empty cell's distance.
@@ -185,7 +185,7 @@ fn bound_near(sigma_t: f32, rise: f32, voxels_per_way: f32) -> f32 {
 
 // By how much the value must change, as a share of the data's range, until there can be matter.
 fn value_to_matter(texel: f32, free: u32) -> f32 {
-    let limits = unpack2x16unorm(free);
+    let limits = vec2f(vec2u(free, free >> 10u) & vec2u(1023u)) / 1023.0;
     let value = frame.value_scale * texel + frame.value_offset;
     return max(limits.x - value, value - limits.y) - select(SLACK_OF_SAMPLER, SLACK_OF_NUMBERS, FILTER == 1u);
 }

@@ -16,10 +16,10 @@ const ROUNDING: f64 = 1e-5;
 const ROUNDING_OF_VALUES: f64 = 1e-3;
 
 /// A rise that bounds nothing: larger than any other, and its square is finite in single precision.
-pub const UNKNOWN_RISE: f32 = f32::from_bits(0x5864_0000);
+pub const UNKNOWN_RISE: f32 = f32::from_bits(0x5860_0000);
 
-/// Half of the bits of a number.
-const UPPER_HALF: u32 = 0xffff_0000;
+/// Lower bits that a rise has not: it has a sign of 0, an exponent and four bits.
+const RISE_SHIFT: u32 = 19;
 
 /// A value per macrocell each, x fastest.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,10 +39,12 @@ pub struct Majorants {
 }
 
 /// What 1 is in [`Majorants::free`].
-pub const WHOLE_RANGE: u16 = u16::MAX;
+pub const WHOLE_RANGE: u16 = (1 << LIMIT_BITS) - 1;
+/// Bits of a limit.
+const LIMIT_BITS: u32 = 10;
 /// By how much the limits of [`Majorants::free`] are moved apart, of [`WHOLE_RANGE`]: rounding of what is
 /// compared with them. No round number, so that no limit lies where the last digit decides.
-const FREE_MARGIN: f64 = 1.37;
+const FREE_MARGIN: f64 = 0.0237;
 
 impl Majorants {
     /// The scene's. Without `sampling.skip_empty` no bound is below -1.
@@ -63,7 +65,7 @@ impl Majorants {
         // An extinction that rounds to 0 is matter all the same.
         let bounds = bounds.map(|bound| if bound < 0.0 { bound } else { bound.max(f32::MIN_POSITIVE) });
         Self {
-            bounds: bounds.map(rounded_up).collect(),
+            bounds: bounds.collect(),
             rises: rises(scene, masks),
             bins: bins_nearby(cells.dims, masks, &distance, with_matter),
             free: free_of_matter(scene, masks),
@@ -80,16 +82,17 @@ impl Majorants {
         Self { bounds, rises, bins: vec![all; count], free: vec![[0, WHOLE_RANGE]; count] }
     }
 
-    /// A bound and a rise in one word: the upper halves of their bits, which say all of both.
-    pub fn word(bound: f32, rise: f32) -> u32 {
-        bound.to_bits() & UPPER_HALF | rise.to_bits() >> 16
+    /// Limits of matter and a rise in one word: 10, 10 and 12 bits, which say all of them.
+    pub fn word([below, above]: [u16; 2], rise: f32) -> u32 {
+        let rise = rise.to_bits() >> RISE_SHIFT;
+        u32::from(below) | u32::from(above) << LIMIT_BITS | rise << (2 * LIMIT_BITS)
     }
 }
 
-/// The smallest number that is not smaller and has nothing in the lower half of its bits; distances (whole
-/// numbers below 0, down to -255) have nothing there.
+/// The smallest rise that is not smaller than a number of 0 or more.
 fn rounded_up(x: f32) -> f32 {
-    if x > 0.0 && x.is_finite() { f32::from_bits((x.to_bits() + !UPPER_HALF) & UPPER_HALF) } else { x }
+    let lower_bits = (1 << RISE_SHIFT) - 1;
+    if x.is_finite() { f32::from_bits((x.to_bits() + lower_bits) & !lower_bits) } else { x }
 }
 
 fn rises(scene: &Scene, masks: &[u64]) -> Vec<f32> {
@@ -136,7 +139,11 @@ fn free_of_matter(scene: &Scene, masks: &[u64]) -> Vec<[u16; 2]> {
         let (first, last) = held
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(first, last), [a, b]| (a.min(first), b.max(last)));
         // Casts saturate; a cell without matter is not looked into.
-        [(share(first) - FREE_MARGIN).floor() as u16, (share(last) + FREE_MARGIN).ceil() as u16]
+        let whole = f64::from(WHOLE_RANGE);
+        [
+            (share(first) - FREE_MARGIN).floor().min(whole) as u16,
+            (share(last) + FREE_MARGIN).ceil().min(whole) as u16,
+        ]
     };
     masks.par_iter().map(limits).collect()
 }
@@ -243,7 +250,7 @@ mod tests {
         assert_eq!(majorants.bounds[0], -2.0, "cells 0 and 1 along x hold zeros alone");
         assert_eq!(majorants.bins[0], scene.volume.macrocells.masks(scene.filter)[0]);
         let dense = majorants.bounds.iter().copied().fold(0.0, f32::max);
-        assert!((40.0..40.3).contains(&dense), "{dense}");
+        assert!((40.0..40.01).contains(&dense), "{dense}");
         assert!(!majorants.bounds.iter().any(|bound| (0.0..f32::MIN_POSITIVE).contains(bound)));
         let volume = &scene.volume;
         let cells = volume.macrocells.dims;
@@ -256,16 +263,19 @@ mod tests {
             if majorants.bounds[index] < 0.0 {
                 continue;
             }
-            // Values between 0 and 198; matter begins at 0.3 of the window, which is that of the data.
+            // Values between 0 and 198; matter begins at 0.3 of the window, which is that of the data. A limit
+            // is the nearest of its whole shares on the safe side.
+            let share = (1.0 + FREE_MARGIN) * 198.0 / f64::from(WHOLE_RANGE);
             let mask = volume.macrocells.masks(scene.filter)[index];
             let begins = (0.3 * 198.0_f64).max(volume.bins.edges[mask.trailing_zeros() as usize]);
-            assert!((begins - 0.02..begins).contains(&value(below)), "cell {x} {y} {z}: {below}");
+            assert!((begins - share..begins).contains(&value(below)), "cell {x} {y} {z}: {below}");
             let ends = volume.bins.edges[BIN_COUNT - mask.leading_zeros() as usize];
             assert!(value(above) >= ends.min(198.0), "cell {x} {y} {z}: {above}");
         }
-        for (bound, rise) in majorants.bounds.iter().zip(&majorants.rises) {
-            let word = Majorants::word(*bound, *rise);
-            assert_eq!([word & UPPER_HALF, word << 16].map(f32::from_bits), [*bound, *rise]);
+        for (limits, rise) in majorants.free.iter().zip(&majorants.rises) {
+            let word = Majorants::word(*limits, *rise);
+            assert_eq!([word & 1023, word >> 10 & 1023].map(|limit| limit as u16), *limits);
+            assert_eq!(f32::from_bits(word >> 20 << 19), *rise);
         }
         let global = Majorants::global(&scene);
         assert!(global.bounds.iter().all(|&bound| bound == dense));

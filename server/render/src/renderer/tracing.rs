@@ -152,19 +152,14 @@ impl PathFilm {
 }
 
 impl Renderer {
-    /// A texel for each macrocell: its bound of the extinction and how fast that changes, the bins it relies
-    /// on, and between which values its matter lies.
+    /// A texel for each macrocell: the bits of its bound of the extinction, the bins it relies on, and between
+    /// which values its matter lies and how fast extinction changes.
     pub(super) fn majorant_map(&self, view: &View, scene: &Scene) -> Result<wgpu::TextureView, RenderError> {
         let majorants = if view.global_majorant { Majorants::global(scene) } else { Majorants::of(scene) };
         let Majorants { bounds, rises, bins, free } = &majorants;
         let texel = |index: usize| {
-            let ([low, high], [below, above]) = (halves(bins[index]), free[index]);
-            [
-                Majorants::word(bounds[index], rises[index]),
-                low,
-                high,
-                u32::from(below) | u32::from(above) << 16,
-            ]
+            let [low, high] = halves(bins[index]);
+            [bounds[index].to_bits(), low, high, Majorants::word(free[index], rises[index])]
         };
         let texels: Vec<[u32; 4]> = (0..bounds.len()).map(texel).collect();
         let [width, height, depth] = scene.volume.macrocells.dims.map(|n| n as u32);
