@@ -26,6 +26,20 @@ fn direction_densities(@builtin(global_invocation_id) id: vec3u) {
 }
 
 @compute @workgroup_size(64)
+fn sample_ways_on(@builtin(global_invocation_id) id: vec3u) {
+    always_zero = id.z;
+    let at = test_scatterer();
+    let way = sample_way_on(at, unit4(pcg4d(vec4u(id.x, 7u, 8u, 9u))));
+    samples[id.x] = vec4f(way, max_of(scattered_light(at, way)) / max(density_of_way_on(at, way), 1e-30));
+}
+
+@compute @workgroup_size(64)
+fn way_on_densities(@builtin(global_invocation_id) id: vec3u) {
+    always_zero = id.z;
+    samples[id.x] = vec4f(density_of_way_on(test_scatterer(), places[id.x].xyz), 0.0, 0.0, 0.0);
+}
+
+@compute @workgroup_size(64)
 fn sample_lights(@builtin(global_invocation_id) id: vec3u) {
     always_zero = id.z;
     let light = towards(0u, vec3f(0.1, -0.2, 0.05), pcg4d(vec4u(id.x, 4u, 5u, 6u)));

@@ -13,13 +13,13 @@ fn scatter_on(path: ptr<function, Path>, photon: vec2u) {
         if materials[place.material].surface > 0.0 { n = normal_at(x, back); }
     }
     let at = scatterer(materials[place.material], albedo, back, n);
-    let way = sample_direction(at, unit4(draw(path, photon)));
-    let density = direction_density(at, way);
+    let way = sample_way_on(at, unit4(draw(path, photon)));
+    let density = density_of_way_on(at, way);
     let factor = scattered_light(at, way) / density;
     let chance = unit2(draw(path, photon).xy).x;
     let scattered_on = (*path).throughput * factor;
-    // Russian roulette: the brightest channel does not change its value.
-    let survival = min(max_of(scattered_on) / max_of((*path).throughput), 1.0);
+    // Russian roulette: the brightest channel keeps its value, or comes back towards 1.
+    let survival = min(max_of(scattered_on) / min(max_of((*path).throughput), 1.0), 1.0);
     let ends_here = !(density > 0.0 && dot(way, way) > 0.0 && max_of(scattered_on) > 0.0) || chance >= survival;
     (*path).stage = select(FLIGHT + TO_BEGIN, DONE, ends_here);
     if !ends_here {
@@ -27,17 +27,4 @@ fn scatter_on(path: ptr<function, Path>, photon: vec2u) {
         (*path).direction = way;
         (*path).end = FARTHEST;
     }
-}
-
-// Scattering per unit of extinction of light that arrives from `at.w_o`, towards `way`: the cosine is
-// that of the light's side.
-fn scattered_light(at: Scatterer, way: vec3f) -> vec3f {
-    var value = (1.0 - at.surface) * phase_between(at.material, at.w_o, way) * at.albedo;
-    if SURFACES {
-        if at.surface > 0.0 && dot(at.n, way) > 0.0 {
-            let f_r = brdf(at.material, at.n, at.w_o, way);
-            value += at.surface * max(dot(at.n, at.w_o), 0.0) * (f_r.x * at.albedo + f_r.y);
-        }
-    }
-    return value;
 }

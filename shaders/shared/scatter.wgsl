@@ -58,6 +58,44 @@ fn sample_direction(at: Scatterer, u: vec4f) -> vec3f {
     return w_i;
 }
 
+// Scattering per unit of extinction of light that arrives from `at.w_o`, towards `way`: the cosine is
+// that of the light's side.
+fn scattered_light(at: Scatterer, way: vec3f) -> vec3f {
+    var value = (1.0 - at.surface) * phase_between(at.material, at.w_o, way) * at.albedo;
+    if SURFACES {
+        if at.surface > 0.0 && dot(at.n, way) > 0.0 {
+            let f_r = brdf(at.material, at.n, at.w_o, way);
+            value += at.surface * max(dot(at.n, at.w_o), 0.0) * (f_r.x * at.albedo + f_r.y);
+        }
+    }
+    return value;
+}
+
+// Density per steradian with which `sample_way_on` chooses a way.
+fn density_of_way_on(at: Scatterer, way: vec3f) -> f32 {
+    var density = (1.0 - at.surface) * phase_between(at.material, at.w_o, way);
+    if SURFACES {
+        if at.surface > 0.0 {
+            let share = specular_share(at);
+            let all_ways = select(0.0, 1.0 / (2.0 * PI), dot(at.n, way) > 0.0);
+            density += at.surface * ((1.0 - share) * all_ways + share * lobe_density(at, way));
+        }
+    }
+    return density;
+}
+
+// A direction that light goes on in, as `sample_direction` chooses one that it comes from. With one
+// difference: the cosine is that of the side it came from, so that a diffuse surface sends as much along
+// itself as away from it. Ways chosen by their cosine would have weights of 1 / cosine, whose variance is
+// infinite.
+fn sample_way_on(at: Scatterer, u: vec4f) -> vec3f {
+    if SURFACES {
+        let is_diffuse = u.x < at.surface && u.y >= specular_share(at);
+        if is_diffuse { return around(at.n, u.z, 2.0 * PI * u.w); }
+    }
+    return sample_direction(at, u);
+}
+
 // A direction of the phase function around the way light travels on undeflected: as light goes
 // from w_i to w_o, or followed from the eye, the angle is the same. The versine (1 - cosine) is
 // computed without a difference of nearly equal numbers, for narrow lobes.
@@ -102,13 +140,15 @@ fn specular_share(at: Scatterer) -> f32 {
 
 fn surface_density(at: Scatterer, w_i: vec3f) -> f32 {
     let share = specular_share(at);
-    var density = (1.0 - share) * max(dot(at.n, w_i), 0.0) / PI;
+    return (1.0 - share) * max(dot(at.n, w_i), 0.0) / PI + share * lobe_density(at, w_i);
+}
+
+// Density per steradian of a direction from the specular lobe.
+fn lobe_density(at: Scatterer, w_i: vec3f) -> f32 {
     let sum = w_i + at.w_o;
     let h = sum / max(length(sum), 1e-12);
-    if share > 0.0 && dot(at.n, h) > 0.0 {
-        density += share * half_vector_density(at, h) / (4.0 * max(dot(h, at.w_o), 1e-6));
-    }
-    return density;
+    if dot(at.n, h) <= 0.0 { return 0.0; }
+    return half_vector_density(at, h) / (4.0 * max(dot(h, at.w_o), 1e-6));
 }
 
 // Density per steradian of half vectors.

@@ -23,6 +23,9 @@ const SMOOTH: usize = 24;
 const EDGES: usize = 96;
 /// A right sampler fails one test in a thousand; random numbers are fixed.
 const LEVEL: f64 = 1e-3;
+/// No photon becomes brighter by more where it is scattered: by up to 4 times from a lobe of half vectors,
+/// and more if that reflects more than all.
+const MOST_WEIGHT: f32 = 6.0;
 /// Towards the eye, in the shader.
 const W_O: DVec3 = DVec3::new(0.36, 0.48, 0.8);
 
@@ -182,6 +185,7 @@ fn cell_of(w: DVec3) -> usize {
 }
 
 const DIRECTIONS: [&str; 2] = ["sample_directions", "direction_densities"];
+const WAYS_ON: [&str; 2] = ["sample_ways_on", "way_on_densities"];
 const LIGHTS: [&str; 2] = ["sample_lights", "light_densities"];
 
 fn material(material: Value) -> Tested {
@@ -216,8 +220,15 @@ fn directions_are_chosen_as_their_density_says() {
         surface(0.7, abc(0.3, 1e-3, 2.0)),
     ];
     for description in materials {
-        let p = material(description.clone()).p_of(DIRECTIONS, SMOOTH);
-        assert!(p > LEVEL, "{description}: p = {p}");
+        let tested = material(description.clone());
+        for which in [DIRECTIONS, WAYS_ON] {
+            let p = tested.p_of(which, SMOOTH);
+            assert!(p > LEVEL, "{description}: {which:?}: p = {p}");
+        }
+        // Ways that are chosen by their cosine, which what arrives there does not have, weigh 100 and more.
+        let weights = tested.run(WAYS_ON[0], SAMPLES, &[]).into_iter().map(|[.., weight]| weight);
+        let heaviest = weights.fold(0.0, f32::max);
+        assert!((0.1..MOST_WEIGHT).contains(&heaviest), "{description}: a photon grows {heaviest} times");
     }
 }
 
