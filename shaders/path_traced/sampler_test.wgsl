@@ -56,3 +56,16 @@ fn light_densities(@builtin(global_invocation_id) id: vec3u) {
     if light.kind >= RECTANGLE && light.kind <= SPHERE { density = meet(light, ray).y; }
     samples[id.x] = vec4f(density, 0.0, 0.0, 0.0);
 }
+
+@compute @workgroup_size(64)
+fn sample_lights_evenly(@builtin(global_invocation_id) id: vec3u) {
+    always_zero = id.z;
+    let light = towards_image_evenly(sources[0].power, unit4(sobol4(id.x, 7u)).xy);
+    samples[id.x] = vec4f(light.w_i, light.density);
+}
+
+@compute @workgroup_size(64)
+fn even_numbers(@builtin(global_invocation_id) id: vec3u) {
+    always_zero = id.z;
+    samples[id.x] = unit4(sobol4(id.x, 0x9e3779b9u));
+}

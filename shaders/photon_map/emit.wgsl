@@ -6,35 +6,24 @@ fn emitted(photon: vec2u) -> Path {
     var path = Path();
     path.stage = DONE;
     let light = sources[steering(photons.light)];
-    let bits = draw(&path, photon);
-    let u = unit4(draw(&path, photon));
+    let u = unit4(sobol4(photon.x, photon.y));
     var way = light.direction;
     var throughput = vec3f(1.0);
     var origin = light.position;
     // Lights at infinity shine on the faces of the box that are turned to them, each by what it shows.
     let at_infinity = light.kind == DIRECTIONAL || light.kind == UNIFORM || light.kind == IMAGE;
-    if light.kind == UNIFORM { way = around(vec3f(0.0, 0.0, 1.0), 2.0 * u.z, 2.0 * PI * u.w); }
+    if light.kind == UNIFORM { way = around(vec3f(0.0, 0.0, 1.0), 2.0 * u.x, 2.0 * PI * u.y); }
     if ENVIRONMENT_IMAGE {
         if light.kind == IMAGE {
-            let chosen = towards_image(vec3f(1.0), bits);
+            let chosen = towards_image_evenly(vec3f(1.0), u.xy);
             way = -chosen.w_i;
             throughput = chosen.weight / photons.reference;
         }
     }
     if at_infinity {
-        let e = unit4(draw(&path, photon));
         let shown = abs(way) * frame.size_world.yzx * frame.size_world.zxy;
         let all = shown.x + shown.y + shown.z;
-        let turned = select(vec3f(-0.5), vec3f(0.5), way < vec3f(0.0));
-        var place = e.xyz - 0.5;
-        if e.w * all < shown.x {
-            place.x = turned.x;
-        } else if e.w * all < shown.x + shown.y {
-            place.y = turned.y;
-        } else {
-            place.z = turned.z;
-        }
-        origin = place * frame.size_world;
+        origin = on_faces(way, shown, u.zw) * frame.size_world;
         throughput *= all / (PI * photons.radius * photons.radius);
     } else if light.kind == POINT || light.kind == SPOT {
         let chosen = from_place(light.position, light.direction, 0.0, u, photons.radius, light);
@@ -43,7 +32,7 @@ fn emitted(photon: vec2u) -> Path {
         throughput = vec3f(chosen.weight / photons.reference);
     } else {
         let start = place_on(light, u);
-        let chosen = from_place(start.place, start.normal, 1.0, unit4(draw(&path, photon)), photons.radius, light);
+        let chosen = from_place(start.place, start.normal, 1.0, u, photons.radius, light);
         way = chosen.way;
         origin = chosen.origin;
         throughput = vec3f(chosen.weight / photons.reference);

@@ -12,23 +12,14 @@ fn enter_photons(@builtin(global_invocation_id) id: vec3u) {
     let is_listed = transfer.listed == 1u;
     var index = transfer.first + local;
     if is_listed { index = list[local]; }
-    let photon = vec2u(index, KEY);
-    let way = -flights[FLIGHT_TEXELS * flight_of(photon.x)].xyz;
+    let way = -flights[FLIGHT_TEXELS * flight_of(index)].xyz;
     var path = Path();
-    let u = unit4(draw(&path, photon));
+    // Those of a flight are spread evenly.
+    let u = unit4(sobol4(index / transfer.flights, flight_of(index)));
     let shown = abs(way) * frame.size_world.yzx * frame.size_world.zxy;
     let all = shown.x + shown.y + shown.z;
-    let turned = select(vec3f(-0.5), vec3f(0.5), way < vec3f(0.0));
-    var place = u.xyz - 0.5;
-    if u.w * all < shown.x {
-        place.x = turned.x;
-    } else if u.w * all < shown.x + shown.y {
-        place.y = turned.y;
-    } else {
-        place.z = turned.z;
-    }
     path.stage = FLIGHT + TO_BEGIN;
-    path.origin = place * frame.size_world;
+    path.origin = on_faces(way, shown, u.xy) * frame.size_world;
     path.direction = way;
     path.throughput = vec3f(all / transfer.mean_shown);
     path.end = FARTHEST;

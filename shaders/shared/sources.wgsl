@@ -134,16 +134,58 @@ fn towards_image(power: vec3f, bits: vec4u) -> Towards {
     let row = texel / size.x;
     let density = textureLoad(environment_draws, vec2u(column, row), 0).z;
     if density <= 0.0 { return Towards(vec3f(0.0), 0.0, vec3f(0.0), 0.0); }
-    let u = unit2(bits.zw);
-    // Uniform over the texel's solid angle, in the squared sine of half the polar angle, measured
-    // from the nearer pole.
-    let mirrored = 2u * row >= size.y;
-    let from_pole = f32(select(row, size.y - 1u - row, mirrored));
+    return from_texel(power, vec2u(column, row), unit2(bits.zw), density);
+}
+
+// As above, but evenly spread numbers `u` give evenly spread directions: the row by its share and the column
+// by its share of the row, and what is left of both within the texel.
+fn towards_image_evenly(power: vec3f, u: vec2f) -> Towards {
+    let size = textureDimensions(environment);
+    let row = first_beyond(u.y, size.y, vec2u(0u, 1u), 0u);
+    let column = first_beyond(u.x, size.x, vec2u(1u, 0u), row.index);
+    let density = textureLoad(environment_draws, vec2u(column.index, row.index), 0).z;
+    if density <= 0.0 { return Towards(vec3f(0.0), 0.0, vec3f(0.0), 0.0); }
+    // Rows below the middle are measured upwards.
+    let down = select(row.part, 1.0 - row.part, 2u * row.index >= size.y);
+    return from_texel(power, vec2u(column.index, row.index), vec2f(column.part, down), density);
+}
+
+struct Found {
+    index: u32,
+    // How far between its running sum and the one before.
+    part: f32,
+}
+
+// The first of `count` rows, or columns of a row, whose running sum of shares is beyond `u`.
+fn first_beyond(u: f32, count: u32, along: vec2u, row: u32) -> Found {
+    var low = 0u;
+    var high = count - 1u;
+    for (var i = 0u; i < 32u && low < high; i++) {
+        let middle = (low + high) / 2u;
+        if running_sum(middle, along, row) > u { high = middle; } else { low = middle + 1u; }
+    }
+    let before = select(0.0, running_sum(max(low, 1u) - 1u, along, row), low > 0u);
+    let share = running_sum(low, along, row) - before;
+    return Found(low, clamp((u - before) / max(share, 1e-30), 0.0, 1.0));
+}
+
+fn running_sum(index: u32, along: vec2u, row: u32) -> f32 {
+    let texel = along * index + vec2u(0u, row);
+    if along.y == 1u { return textureLoad(environment, texel, 0).w; }
+    return textureLoad(environment_draws, texel, 0).w;
+}
+
+// A direction uniform over a texel's solid angle, in the squared sine of half the polar angle, measured
+// from the nearer pole; `u`: along the row, and away from that pole.
+fn from_texel(power: vec3f, texel: vec2u, u: vec2f, density: f32) -> Towards {
+    let size = textureDimensions(environment);
+    let mirrored = 2u * texel.y >= size.y;
+    let from_pole = f32(select(texel.y, size.y - 1u - texel.y, mirrored));
     let edges = sin(0.5 * PI / f32(size.y) * vec2f(from_pole, from_pole + 1.0));
     let half_sine = mix(edges.x * edges.x, edges.y * edges.y, u.y);
     let cosine = select(1.0, -1.0, mirrored) * (1.0 - 2.0 * half_sine);
     let sine = 2.0 * sqrt(half_sine * (1.0 - half_sine));
-    let azimuth = 2.0 * PI * (f32(column) + u.x) / f32(size.x);
+    let azimuth = 2.0 * PI * (f32(texel.x) + u.x) / f32(size.x);
     let map = vec3f(sine * sin(azimuth), cosine, -sine * cos(azimuth));
     let w_i = normalize(map.x * frame.map_x + map.y * frame.map_y + map.z * frame.map_z);
     return Towards(w_i, FARTHEST, power * image_radiance(w_i) / density, density);

@@ -4,9 +4,27 @@ use std::f64::consts::PI;
 
 use scene::EnvironmentImage;
 
-/// Texels of the radiance texture, rows from the top.
+/// Texels of the radiance texture, rows from the top; with each the share of draws in its row and those above.
 pub(crate) fn radiance(image: &EnvironmentImage) -> Vec<[f32; 4]> {
-    image.texels().iter().map(|&[r, g, b]| [r, g, b, 0.0]).collect()
+    let width = image.width();
+    let shares = shares(image).unwrap_or_default();
+    let of_rows: Vec<f64> = shares.chunks(width).map(|row| row.iter().sum()).collect();
+    let up_to_rows = running_sums(&of_rows);
+    let texel = |(index, &[r, g, b]): (usize, &[f32; 3])| {
+        [r, g, b, up_to_rows.get(index / width).copied().unwrap_or(0.0)]
+    };
+    image.texels().iter().enumerate().map(texel).collect()
+}
+
+/// Sums up to each, as shares of the last, which is 1.
+fn running_sums(shares: &[f64]) -> Vec<f32> {
+    let total: f64 = shares.iter().sum();
+    let mut sum = 0.0;
+    let mut up_to = |share: &f64| {
+        sum += share;
+        if total > 0.0 { (sum / total) as f32 } else { 1.0 }
+    };
+    shares.iter().map(&mut up_to).collect()
 }
 
 /// Integral over the sphere of the mean of red, green and blue, as `draws` weights directions.
@@ -22,10 +40,31 @@ pub(crate) fn mean_total(image: &EnvironmentImage) -> f64 {
 }
 
 /// Texels of the table of draws: the share of draws that stay with a texel, the texel that takes
-/// the others, and the density per steradian of the texel's directions. Texels are drawn in
+/// the others, the density per steradian of the texel's directions, and the share of its row's draws in it and
+/// those before it. Texels are drawn in
 /// proportion to the mean of the bilinear radiance over them (sum of its channels) times their solid
 /// angle, and directions uniformly within, so that the density is above 0 wherever there is light.
 pub(crate) fn draws(image: &EnvironmentImage) -> Vec<[f32; 4]> {
+    let width = image.width();
+    let Some(shares) = shares(image) else {
+        return vec![[1.0, 0.0, 0.0, 0.0]; image.texels().len()];
+    };
+    let in_rows: Vec<f32> = shares.chunks(width).flat_map(running_sums).collect();
+    let texel = |(index, (stay, other)): (usize, (f64, usize))| {
+        let density = shares[index] / solid_angle(image, index / width);
+        [stay as f32, other as f32, density as f32, in_rows[index]]
+    };
+    alias_table(&shares).into_iter().enumerate().map(texel).collect()
+}
+
+/// Of a texel in this row, steradians.
+fn solid_angle(image: &EnvironmentImage, y: usize) -> f64 {
+    let [top, bottom] = [y, y + 1].map(|edge| (PI * edge as f64 / image.height() as f64).cos());
+    2.0 * PI * (top - bottom) / image.width() as f64
+}
+
+/// Shares of draws; `None`: the image is black.
+fn shares(image: &EnvironmentImage) -> Option<Vec<f64>> {
     let (width, height) = (image.width(), image.height());
     let brightness = |x: usize, y: usize| image.texels()[y * width + x].map(f64::from).iter().sum::<f64>();
     // The mean over a texel of what is linear between centres: 1/8, 6/8, 1/8.
@@ -37,22 +76,10 @@ pub(crate) fn draws(image: &EnvironmentImage) -> Vec<[f32; 4]> {
         let (above, below) = (y.saturating_sub(1), (y + 1).min(height - 1));
         smoothed(along_row(x, above), along_row(x, y), along_row(x, below))
     };
-    let solid_angle = |y: usize| {
-        let [top, bottom] = [y, y + 1].map(|edge| (PI * edge as f64 / height as f64).cos());
-        2.0 * PI * (top - bottom) / width as f64
-    };
     let weights: Vec<f64> =
-        (0..width * height).map(|i| mean(i % width, i / width) * solid_angle(i / width)).collect();
+        (0..width * height).map(|i| mean(i % width, i / width) * solid_angle(image, i / width)).collect();
     let total: f64 = weights.iter().sum();
-    if total <= 0.0 {
-        return vec![[1.0, 0.0, 0.0, 0.0]; weights.len()];
-    }
-    let shares: Vec<f64> = weights.iter().map(|weight| weight / total).collect();
-    let table = alias_table(&shares);
-    let texel = |(index, (stay, other)): (usize, (f64, usize))| {
-        [stay as f32, other as f32, (shares[index] / solid_angle(index / width)) as f32, 0.0]
-    };
-    table.into_iter().enumerate().map(texel).collect()
+    (total > 0.0).then(|| weights.iter().map(|weight| weight / total).collect())
 }
 
 /// For each of n outcomes with these shares (their sum is 1): the share of draws of 1 / n that stay

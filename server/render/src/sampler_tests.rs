@@ -109,7 +109,7 @@ impl Tested {
         if lights {
             entries.extend([buffer_entry(4, &sources), buffer_entry(0, &frame)]);
             entries.extend([texture_entry(20, &radiance), texture_entry(12, &draws)]);
-        } else {
+        } else if entry_point != NUMBERS {
             entries.push(buffer_entry(3, &materials));
         }
         if entry_point.contains("densities") {
@@ -186,6 +186,8 @@ fn cell_of(w: DVec3) -> usize {
 
 const DIRECTIONS: [&str; 2] = ["sample_directions", "direction_densities"];
 const WAYS_ON: [&str; 2] = ["sample_ways_on", "way_on_densities"];
+const EVENLY: &str = "sample_lights_evenly";
+const NUMBERS: &str = "even_numbers";
 const LIGHTS: [&str; 2] = ["sample_lights", "light_densities"];
 
 fn material(material: Value) -> Tested {
@@ -282,6 +284,45 @@ fn lights_are_looked_for_as_their_density_says() {
         let agree = samples.iter().zip(&stated).filter(|(a, b)| (a[3] - b[0]).abs() <= 1e-3 * a[3]).count();
         // A direction at the edge of a light or a texel may fall beside it.
         assert!(agree >= 62, "{light}: {agree} of 64 densities agree");
+    }
+}
+
+#[test]
+fn directions_of_an_image_are_even() {
+    let tested = Tested::new(json!({"lights": [{"type": "environment", "image": "sky"}]}));
+    // More even than random ones, whose counts would be as uneven as this or more so in half of all tests.
+    let p = tested.p_of([EVENLY, LIGHTS[1]], EDGES);
+    assert!(p > 0.999, "p = {p}");
+}
+
+/// A box that is cut out by halving the cube nine times holds eight of 2^12 numbers that follow one another,
+/// along whichever axes it is cut: a (3, 12, 4)-net in base 2. In the first two dimensions of 2^12 boxes each
+/// holds one.
+#[test]
+fn numbers_are_even_in_all_boxes() {
+    let numbers = Tested::new(json!({})).run(NUMBERS, 2 << 12, &[]);
+    for numbers in numbers.chunks(1 << 12) {
+        let counts = |halvings: [u32; 4]| {
+            let mut counts = vec![0; 1 << halvings.iter().sum::<u32>()];
+            for number in numbers {
+                let place = |index: usize, axis: usize| {
+                    let part = (number[axis] * (1 << halvings[axis]) as f32) as usize;
+                    index << halvings[axis] | part
+                };
+                counts[(0..4).fold(0, place)] += 1;
+            }
+            counts
+        };
+        for cut in 0..10_u32.pow(3) {
+            let [a, b, c] = [cut % 10, cut / 10 % 10, cut / 100];
+            if a + b + c <= 9 {
+                let halvings = [a, b, c, 9 - a - b - c];
+                assert!(counts(halvings).iter().all(|&count| count == 8), "{halvings:?}");
+            }
+        }
+        for a in 0..=12 {
+            assert!(counts([a, 12 - a, 0, 0]).iter().all(|&count| count == 1), "{a}");
+        }
     }
 }
 

@@ -53,7 +53,7 @@ pub const PATH_TRACE: &str = parts!(
 
 /// Entry points that tests of samplers join to [`PATH_TRACE`].
 #[cfg(test)]
-pub(crate) const SAMPLER_TEST: &str = parts!("path_traced/sampler_test.wgsl");
+pub(crate) const SAMPLER_TEST: &str = parts!("shared/sobol.wgsl", "path_traced/sampler_test.wgsl");
 
 /// `restart_tiles`.
 pub const RESTART_TILES: &str = parts!("path_traced/restart.wgsl");
@@ -164,6 +164,8 @@ pub const TAKE_UP: &str = parts!(
     "shared/phase.wgsl",
     "shared/brdf.wgsl",
     "shared/random.wgsl",
+    "shared/sobol.wgsl",
+    "shared/faces.wgsl",
     "shared/environment.wgsl",
     "shared/place.wgsl",
     "shared/path.wgsl",
@@ -216,6 +218,8 @@ pub const ENTER_PHOTONS: &str = parts!(
     "shared/phase.wgsl",
     "shared/brdf.wgsl",
     "shared/random.wgsl",
+    "shared/sobol.wgsl",
+    "shared/faces.wgsl",
     "shared/place.wgsl",
     "shared/path.wgsl",
     "shared/scatter.wgsl",
