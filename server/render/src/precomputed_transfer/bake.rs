@@ -160,9 +160,20 @@ impl Bake {
         self.is_complete() && is_compressed && self.keeping.as_ref().is_none_or(Keeping::is_idle)
     }
 
-    /// Whether there is nothing to do but to wait for a thread.
+    /// Whether there is nothing to do but to wait for a thread, or for somebody else.
     pub fn waits(&self) -> bool {
-        self.compressing.as_ref().is_some_and(Compressing::waits)
+        let elsewhere = self.keeping.as_ref().and_then(Keeping::elsewhere);
+        elsewhere.is_some() || self.compressing.as_ref().is_some_and(Compressing::waits)
+    }
+
+    /// Whether somebody else makes the same bake, and this one has not begun. Waits for a moment.
+    pub fn waits_for_another(&mut self) -> bool {
+        let has_begun =
+            self.is_behind || self.at_work.is_some() || self.directions_done > 0 || self.packets.done() > 0;
+        match (&mut self.keeping, &self.held) {
+            (Some(keeping), Some(held)) if !has_begun => keeping.waits_for_another(&held.matrices()),
+            _ => false,
+        }
     }
 
     /// Into how many clusters the matrices of a bake that serves the scene go.
@@ -187,6 +198,9 @@ impl Bake {
 
     /// Share of the work that is done, in time, 0..1.
     pub fn progress(&mut self) -> f32 {
+        if let Some(progress) = self.keeping.as_ref().and_then(Keeping::elsewhere) {
+            return progress;
+        }
         let done = [u64::from(self.directions_done), self.packets.current(&self.matter)];
         self.share.of(done, [u64::from(self.layout.directions()), self.layout.photons]) as f32
     }
@@ -231,6 +245,10 @@ impl Bake {
         self.share.took(usize::from(carries), began.elapsed());
         self.catch_up(inputs, work)?;
         let complete = self.is_complete();
+        let progress = self.progress();
+        if let Some(keeping) = &mut self.keeping {
+            keeping.is_worked_on(progress);
+        }
         let done = Done { photons: self.packets.done(), directions: self.directions_done };
         let is_whole = self.at_work.is_none() && !self.is_behind;
         if let Some(held) = &mut self.held {
@@ -240,6 +258,9 @@ impl Bake {
                     keeping.write(done, &matrices);
                 }
                 _ => {}
+            }
+            if let Some(keeping) = self.keeping.as_ref().filter(|_| complete) {
+                keeping.is_left();
             }
             if complete {
                 held.work = None;

@@ -16,6 +16,10 @@ const WORK_PER_WRITING: u32 = 20;
 pub struct Keeping {
     store: Arc<BakeStore>,
     key: Key,
+    /// Among those who work on bakes.
+    who: u64,
+    /// How far somebody else is who makes the same bake, as long as that is waited for.
+    elsewhere: Option<f32>,
     stage: Stage,
     /// When it was last handed to the disk, or began, and how long that took.
     since: Instant,
@@ -139,16 +143,53 @@ impl Keeping {
     /// Looks for the bake in the store.
     pub fn new(store: &Arc<BakeStore>, key: Key, matrices: &Matrices<'_>) -> Self {
         let mut keeping = Self::to_write(store, key);
-        if let Some(incoming) = store.read(key, matrices.bytes()) {
-            keeping.stage = Stage::Reading { incoming, done: None, at: 0 };
-        }
+        keeping.read(matrices);
         keeping
+    }
+
+    fn read(&mut self, matrices: &Matrices<'_>) {
+        if let Some(incoming) = self.store.read(self.key, matrices.bytes()) {
+            self.stage = Stage::Reading { incoming, done: None, at: 0 };
+        }
+    }
+
+    /// Whether somebody else makes this bake, which has not begun: what they have made is read when they are
+    /// done, or leave it. Waits for a moment.
+    pub fn waits_for_another(&mut self, matrices: &Matrices<'_>) -> bool {
+        if !self.is_idle() {
+            return false;
+        }
+        let waited = self.elsewhere.is_some();
+        self.elsewhere = self.store.made_by_another(&self.key, self.who);
+        match self.elsewhere {
+            Some(_) => std::thread::sleep(WAIT),
+            None if waited => self.read(matrices),
+            None => {}
+        }
+        self.elsewhere.is_some()
+    }
+
+    /// How far somebody else is, 0..1, whom this bake waits for.
+    pub fn elsewhere(&self) -> Option<f32> {
+        self.elsewhere
+    }
+
+    /// Says that this bake is worked on, and how far it is.
+    pub fn is_worked_on(&mut self, progress: f32) {
+        self.elsewhere = None;
+        self.store.works_on(&self.key, self.who, progress);
+    }
+
+    /// Says that it is no longer.
+    pub fn is_left(&self) {
+        self.store.leaves(&self.key, self.who);
     }
 
     /// Of a bake that followed from another one: there is nothing to be read.
     pub fn to_write(store: &Arc<BakeStore>, key: Key) -> Self {
         let (stage, since, took) = (Stage::Idle, Instant::now(), Duration::ZERO);
-        Self { store: store.clone(), key, stage, since, took }
+        let who = store.newcomer();
+        Self { store: store.clone(), key, who, elsewhere: None, stage, since, took }
     }
 
     /// Whether the matrices are not those of the file yet.
@@ -213,5 +254,11 @@ impl Keeping {
             matrices.clear(gpu);
         }
         Ok(step)
+    }
+}
+
+impl Drop for Keeping {
+    fn drop(&mut self) {
+        self.is_left();
     }
 }

@@ -126,9 +126,11 @@ impl PrecomputedTransfer {
             if bake.is_settled() && !self.waits {
                 break bake;
             }
+            // Who has no time to end at cannot wait for others, who may have their turn later.
+            let waits_for_another = deadline.is_some() && bake.waits_for_another();
             if self.waits {
                 bake.carry(inputs, &mut work)?
-            } else {
+            } else if !waits_for_another {
                 bake.work(inputs, &mut work)?
             }
             // Others may have something to do for this thread.

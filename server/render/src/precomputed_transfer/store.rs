@@ -12,13 +12,14 @@
 #[allow(clippy::unwrap_used)]
 mod tests;
 
+use std::collections::HashMap;
 use std::fs::{self, File};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender, TrySendError};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, SystemTime};
+use std::time::{Duration, Instant, SystemTime};
 
 use bytemuck::{Pod, Zeroable};
 
@@ -34,6 +35,8 @@ const MOST_TO_WRITE: usize = 32;
 const MOST_READ: usize = 2;
 /// How often a thread that waits for more to write looks whether the store is closed.
 const PATIENCE: Duration = Duration::from_millis(50);
+/// Who has not worked on a bake for longer is not waited for.
+const GIVEN_UP: Duration = Duration::from_secs(10);
 const MAGIC: [u8; 8] = *b"TYNDBAKE";
 /// Version of the file's form.
 const FORM: u32 = 2;
@@ -78,10 +81,21 @@ struct Shared {
     /// Files being written.
     writers: Mutex<usize>,
     written: Condvar,
-    /// Counts files, so that two being written have different names.
+    /// Bakes that somebody works on, or writes.
+    in_the_making: Mutex<HashMap<Key, Making>>,
+    /// Counts files, so that two being written have different names, and those who work on bakes.
     begun: AtomicUsize,
     /// Held while a file takes its place and others make room.
     placing: Mutex<()>,
+}
+
+/// What is known of a bake that somebody works on, or writes.
+#[derive(Default)]
+struct Making {
+    /// Who, when last, and how far it was then.
+    by: Option<(u64, Instant, f32)>,
+    /// Files of it being written.
+    writers: usize,
 }
 
 /// A bake on its way from disk.
@@ -133,6 +147,7 @@ impl BakeStore {
             closing: AtomicBool::new(false),
             writers: Mutex::new(0),
             written: Condvar::new(),
+            in_the_making: Mutex::default(),
             begun: AtomicUsize::new(0),
             placing: Mutex::new(()),
         };
@@ -184,19 +199,42 @@ impl BakeStore {
             key,
         };
         let shared = self.0.clone();
-        *lock(&shared.writers) += 1;
+        shared.begins_to_write(&key);
         let write = move || {
             if let Err(error) = shared.write(&head, &receiver) {
                 tracing::warn!(%error, "a baked light cannot be stored");
             }
-            *lock(&shared.writers) -= 1;
-            shared.written.notify_all();
+            shared.has_written(&key);
         };
         if spawn("write a bake", write) {
             return Some(outgoing);
         }
-        *lock(&self.0.writers) -= 1;
+        self.0.has_written(&key);
         None
+    }
+
+    /// A number for somebody who works on bakes.
+    pub(super) fn newcomer(&self) -> u64 {
+        self.0.begun.fetch_add(1, Ordering::Relaxed) as u64
+    }
+
+    /// Says that somebody works on a bake, and how far it is, 0..1.
+    pub(super) fn works_on(&self, key: &Key, who: u64, progress: f32) {
+        let mut making = lock(&self.0.in_the_making);
+        making.entry(*key).or_default().by = Some((who, Instant::now(), progress));
+    }
+
+    /// Says that somebody works on a bake no longer.
+    pub(super) fn leaves(&self, key: &Key, who: u64) {
+        self.0.change(key, |making| making.by = making.by.filter(|by| by.0 != who));
+    }
+
+    /// How far a bake is that somebody else works on or writes, 0..1; `None`: nobody does.
+    pub(super) fn made_by_another(&self, key: &Key, who: u64) -> Option<f32> {
+        let making = lock(&self.0.in_the_making);
+        let making = making.get(key)?;
+        let by = making.by.filter(|(by, at, _)| *by != who && at.elapsed() < GIVEN_UP);
+        by.map(|by| by.2).or((making.writers > 0).then_some(1.0))
     }
 }
 
@@ -245,6 +283,26 @@ impl Outgoing {
 }
 
 impl Shared {
+    fn change(&self, key: &Key, change: impl FnOnce(&mut Making)) {
+        let mut all = lock(&self.in_the_making);
+        let making = all.entry(*key).or_default();
+        change(making);
+        if making.by.is_none() && making.writers == 0 {
+            all.remove(key);
+        }
+    }
+
+    fn begins_to_write(&self, key: &Key) {
+        *lock(&self.writers) += 1;
+        self.change(key, |making| making.writers += 1);
+    }
+
+    fn has_written(&self, key: &Key) {
+        self.change(key, |making| making.writers -= 1);
+        *lock(&self.writers) -= 1;
+        self.written.notify_all();
+    }
+
     fn path(&self, key: &Key) -> PathBuf {
         self.folder.join(format!("{}.{EXTENSION}", blake3::Hash::from_bytes(*key).to_hex()))
     }

@@ -113,6 +113,57 @@ fn bakes_go_on_where_they_were_and_are_made_once() {
     assert!(drawn.counters["transfer_photons_traced"] > 0);
 }
 
+/// Slices of sessions in turn, until all have their bake; photons traced and bakes read by each.
+fn in_turn(keeper: &mut Keeper, views: &mut [View], scene: &Arc<Snapshot>) -> Vec<[u64; 2]> {
+    let mut work = vec![[0; 2]; views.len()];
+    let mut complete = vec![false; views.len()];
+    while complete.contains(&false) {
+        for ((view, work), complete) in views.iter_mut().zip(&mut work).zip(&mut complete) {
+            let drawn = keeper.draw(view, scene, Some(Duration::from_millis(1)));
+            let of_bake = |name: &str| drawn.counters.get(name).copied().unwrap_or(0);
+            work[0] += of_bake("transfer_photons_traced");
+            work[1] += of_bake("bakes_loaded");
+            *complete = drawn.complete;
+        }
+    }
+    work
+}
+
+#[test]
+fn sessions_that_begin_together_make_one_bake() {
+    let folder = Folder::new();
+    let scene = scene();
+    let expected = image_of(&scene);
+    let all_photons = u64::from(scene.scene.illumination.transfer_photons);
+    let mut keeper = Keeper::new(folder.path());
+    let mut views = [View::new(), View::new(), View::new()];
+    let work = in_turn(&mut keeper, &mut views, &scene);
+    assert_eq!(work, [[all_photons, 0], [0, 1], [0, 1]]);
+    for view in &views {
+        assert!(keeper.renderer.radiance(view).unwrap().rgb == expected);
+    }
+}
+
+#[test]
+fn a_bake_that_is_left_in_the_middle_is_taken_over() {
+    let folder = Folder::new();
+    let scene = scene();
+    let expected = image_of(&scene);
+    let all_photons = u64::from(scene.scene.illumination.transfer_photons);
+    let mut keeper = Keeper::new(folder.path());
+    let (mut first, mut second) = (View::new(), View::new());
+    let mut photons = 0;
+    while photons == 0 {
+        photons += keeper.draw(&mut first, &scene, Some(Duration::from_millis(1))).counters["transfer_photons_traced"];
+        let waiting = keeper.draw(&mut second, &scene, Some(Duration::from_millis(1)));
+        assert_eq!(waiting.counters["transfer_photons_traced"], 0);
+    }
+    drop(first);
+    let work = in_turn(&mut keeper, std::slice::from_mut(&mut second), &scene);
+    assert!((1..=all_photons).contains(&work[0][0]), "{work:?}");
+    assert!(keeper.renderer.radiance(&second).unwrap().rgb == expected);
+}
+
 #[test]
 fn what_is_corrupt_is_made_anew() {
     let folder = Folder::new();
