@@ -131,7 +131,7 @@ function PathFields({ illumination }: { illumination: Illumination }) {
   const percent = illumination.max_error * 100;
   return (
     <>
-      <SliderField label="Paths" hint="Paths of light per pixel that are followed at rest" value={illumination.paths_per_pixel} min={1} max={MAX_PATHS} sliderMax={SLIDER_PATHS} step={1} toSlider={Math.log2} fromSlider={(x) => Math.round(2 ** x)} digits={7} testId="paths-per-pixel" onChange={(paths) => session.edit({ illumination: { paths_per_pixel: Math.round(paths) } }, "paths")} />
+      <SliderField label="Paths" hint="Paths of light per pixel that are followed at rest" value={illumination.paths_per_pixel} min={1} max={MAX_PATHS} sliderMax={SLIDER_PATHS} step={1} toSlider={Math.log2} fromSlider={(x) => Math.round(2 ** x)} whole testId="paths-per-pixel" onChange={(paths) => session.edit({ illumination: { paths_per_pixel: Math.round(paths) } }, "paths")} />
       <SliderField label="Stop at error" hint="Percent: the picture is final once its standard error is this small, or all paths are followed; 0 waits for all paths" value={percent} min={0} max={100} sliderMax={ERRORS.to} step={0.1} toSlider={(x) => Math.log2(Math.max(ERRORS.from, x))} fromSlider={(x) => (2 ** x <= ERRORS.from ? 0 : 2 ** x)} testId="max-error" onChange={(error) => session.edit({ illumination: { max_error: error / 100 } }, "error")} />
     </>
   );
