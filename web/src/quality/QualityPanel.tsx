@@ -12,6 +12,7 @@ import { LightGridFields } from "./LightGridFields";
 import { canBeRefined, hasPhotons, isTraced, whyNotMixed, withoutEffect } from "./methods";
 import { PhotonFields } from "./PhotonFields";
 import { RecordFields } from "./RecordFields";
+import { whyNotExchanged } from "./records";
 
 const MAX_SAMPLES = 4096;
 const MAX_PATHS = 1 << 20;
@@ -52,7 +53,7 @@ export function QualityPanel() {
   const refinable = useSession((state) => state.scene !== null && canBeRefined(state.scene));
   if (!sampling || !film || background === undefined || orders === undefined || illumination === undefined || lights === undefined) return null;
   const keptInRecords = illumination.method === "image_based" && !traced && mode === "volume";
-  const ordersLack = withoutEffect(illumination.method, "scattering orders");
+  const ordersLack = keptInRecords ? whyNotExchanged(illumination, orders) : withoutEffect(illumination.method, "scattering orders");
   return (
     <Section id="quality" title="Quality" fields={["sampling", "film", "background", "volume", "scattering", "illumination"]}>
       {traced ? <TracingFields illumination={illumination} lights={lights} /> : <RayFields sampling={sampling} />}
