@@ -71,4 +71,45 @@ export function bakeSteps() {
     assert.equal(hashOf(await picture()), hashOf(sunny));
     assert.deepEqual(visitor.complaints, []);
   });
+
+  step("precomputed light: a bake is compressed on request, what that leaves out is told, and undo brings the bake back", async (arrive, context) => {
+    const hash = await sessionOf(await theBall());
+    const scene = `sessions/${hash.slice("#session=".length)}/scene`;
+    await world.server.json("PATCH", scene, { sampling: { samples_per_pixel: 1 }, lights: [...SKY, SUN], illumination: { ...BAKE, transfer_photons: 8192 } });
+    const visitor = await arrive({ hash });
+    const clusters = async () => (await world.server.json("GET", scene)).illumination.transfer_clusters;
+    const errors = () => visitor.reports.map(({ counters }) => counters.transfer_compression_error_ppm).filter((ppm) => ppm !== undefined);
+    const baked = async () => {
+      const picture = await visitor.picture();
+      return (await visitor.at("bake-mark").count()) === 0 && picture;
+    };
+    const whole = await until("a finished bake", FINAL_MILLIS, baked);
+    assert.equal(await clusters(), 0);
+    assert.equal(await visitor.at("transfer-clusters").inputValue(), "0");
+    assert.deepEqual([await visitor.at("compression-error").count(), errors()], [0, []], "nothing is left out");
+
+    await visitor.at("transfer-clusters").selectOption("32");
+    await visitor.at("compression-error").waitFor({ timeout: FINAL_MILLIS });
+    assert.equal(await clusters(), 32);
+    const words = await visitor.at("compression-error").innerText();
+    const percent = Number(/^Compression leaves out ([\d.]+) % of the bake/.exec(words)?.[1]);
+    assert.ok(percent > 0.1 && percent < 50, words);
+    assert.ok(Math.abs(errors().at(-1) / 1e4 - percent) <= 0.05 * percent, `${words} The service: ${errors().at(-1)} ppm`);
+    const compressed = await until("a picture of what is kept", FINAL_MILLIS, async () => {
+      const picture = await baked();
+      return picture && hashOf(picture) !== hashOf(whole) && picture;
+    });
+    const { mean } = difference(whole, compressed);
+    context.diagnostic(`${words} The picture differs by ${mean}`);
+    assert.ok(mean < 3, `it is nearly the same picture: ${mean}`);
+
+    await visitor.key("z");
+    await until("the whole bake", FINAL_MILLIS, async () => {
+      const picture = await baked();
+      return picture && hashOf(picture) === hashOf(whole);
+    });
+    assert.equal(await clusters(), 0);
+    assert.equal(await visitor.at("compression-error").count(), 0);
+    assert.deepEqual(visitor.complaints, []);
+  });
 }

@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { FINAL_MILLIS, SHORT_MILLIS } from "../lib/page.js";
-import { difference, meanLuma } from "../lib/pixels.js";
+import { difference, hashOf, meanLuma } from "../lib/pixels.js";
 import { until } from "../lib/wait.js";
 import { sessionOf, step, theBall, world } from "../lib/world.js";
 
@@ -8,6 +8,8 @@ import { sessionOf, step, theBall, world } from "../lib/world.js";
 const PATHS = 1;
 /** Texels of `sky` around the horizon and from pole to pole. */
 const SKY = [16, 8];
+/** Records that exchange light: few, for software devices. */
+const RECORDS = { method: "image_based", records: 12, record_directions: 12 };
 
 /** A Radiance picture (uncompressed RGBE) that shines from the left half of its columns. */
 function sky() {
@@ -100,6 +102,35 @@ export function environmentSteps() {
     assert.ok(difference(turned, steps).mean > 0.05, "cells are seen");
     await visitor.key("z");
     assert.ok(difference(turned, await visitor.picture()).mean < 0.05, "the smooth picture is back");
+    assert.deepEqual(visitor.complaints, []);
+  });
+
+  step("environments: records exchange light, each round makes matter brighter, and one drag is one undo step", async (arrive, context) => {
+    const hash = await sessionOf(await theBall());
+    const scene = `sessions/${hash.slice("#session=".length)}/scene`;
+    await world.server.json("PATCH", scene, { sampling: { samples_per_pixel: 1 }, lights: [{ type: "environment", id: "room", radiance: [0.5, 0.5, 0.5] }], illumination: RECORDS });
+    const visitor = await arrive({ hash });
+    const rounds = async () => (await world.server.json("GET", scene)).illumination.record_exchange;
+    const once = await visitor.picture();
+    assert.deepEqual([await rounds(), await visitor.at("record-exchange").inputValue()], [0, "0"]);
+
+    await visitor.at("record-exchange").fill("1");
+    const twice = await visitor.picture();
+    assert.equal(await rounds(), 1);
+
+    await visitor.drag("record-exchange-slider", [1 / 64, 0.5], [8 / 64, 0.5]);
+    const often = await visitor.picture();
+    const dragged = await rounds();
+    assert.ok(dragged > 5 && dragged < 11, `an eighth of 64: ${dragged}`);
+    assert.equal(await visitor.at("record-exchange").inputValue(), String(dragged));
+    const [dark, brighter, brightest] = [once, twice, often].map((picture) => meanLuma(picture));
+    context.diagnostic(`luma without exchange ${dark}, 1 round ${brighter}, ${dragged} rounds ${brightest}`);
+    assert.ok(brighter > dark + 1 && brightest > brighter + 1, `luma: ${dark}, ${brighter}, ${brightest}`);
+
+    await visitor.at("viewport").focus();
+    await visitor.key("z");
+    assert.equal(hashOf(await visitor.picture()), hashOf(twice));
+    assert.equal(await rounds(), 1);
     assert.deepEqual(visitor.complaints, []);
   });
 

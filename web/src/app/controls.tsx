@@ -136,6 +136,14 @@ export function NumberField({ label, value, onChange, min = -Infinity, max = Inf
   );
 }
 
+/** Most places of a slider. */
+const SLIDER_PLACES = 400;
+/** Widths of the number beside a slider, pixels: of few digits, and of counts up to millions. */
+const NUMBER_WIDTH = 58;
+const COUNT_WIDTH = 76;
+/** Counts from here on are long. */
+const LONG_COUNT = 100_000;
+
 /** A slider with its number. One drag is one undo step. */
 export function SliderField({ label, hint, value, onChange, min, max, step, toSlider = identity, fromSlider = identity, digits = 3, sliderMax, whole = false, testId }: {
   label: string;
@@ -156,13 +164,16 @@ export function SliderField({ label, hint, value, onChange, min, max, step, toSl
 }) {
   const low = toSlider(min);
   const high = toSlider(sliderMax ?? max);
+  // An arrow key goes one place: parts of whole numbers would be rounded away again.
+  const finest = (high - low) / SLIDER_PLACES;
+  const ofWholes = toSlider === identity && (whole || Number.isInteger(step));
   return (
     <Row label={label} {...(hint === undefined ? {} : { hint })}>
       <Slider
         className="row-slider"
         min={low}
         max={high}
-        step={(high - low) / 400}
+        step={ofWholes ? Math.max(1, finest) : finest}
         label={null}
         value={Math.min(high, toSlider(value))}
         thumbLabel={label}
@@ -173,7 +184,7 @@ export function SliderField({ label, hint, value, onChange, min, max, step, toSl
         onChangeEnd={() => session.endGesture()}
         data-testid={`${testId}-slider`}
       />
-      <NumberField label={label} value={value} onChange={onChange} min={min} max={max} step={step} width={58} whole={whole} testId={testId} />
+      <NumberField label={label} value={value} onChange={onChange} min={min} max={max} step={step} width={whole && max >= LONG_COUNT ? COUNT_WIDTH : NUMBER_WIDTH} whole={whole} testId={testId} />
     </Row>
   );
 }

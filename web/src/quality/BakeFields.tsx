@@ -31,7 +31,7 @@ export function BakeFields({ illumination }: { illumination: Illumination }) {
         <NativeSelect aria-label="Compression" value={String(illumination.transfer_clusters)} data={clusterChoicesWith(illumination.transfer_clusters)} data-testid="transfer-clusters" onChange={(event) => edit({ transfer_clusters: Number(event.currentTarget.value) })} />
       </Row>
       {illumination.transfer_clusters > 0 && error !== null && <p className="hint row-hint" data-testid="compression-error">{compressionInWords(error)}</p>}
-      <p className="hint row-hint">Edits of matter bake anew what they touch, edits of these settings all; lights turn and change freely.</p>
+      <p className="hint row-hint">{illumination.transfer_clusters > 0 ? "Edits of matter and of these settings bake all anew" : "Edits of matter bake anew what they touch, edits of these settings all"}; lights turn and change freely.</p>
     </>
   );
 }

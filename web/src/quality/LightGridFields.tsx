@@ -17,7 +17,7 @@ export function LightGridFields({ illumination, scatteredOnce }: { illumination:
   return (
     <>
       <SliderField label="Light grid" hint="Cells of the light grid for each voxel along an axis: finer shadows, more time and memory" value={illumination.light_grid} min={0.01} max={2} sliderMax={1} step={0.05} toSlider={Math.log2} fromSlider={(x) => 2 ** x} testId="light-grid" onChange={(light_grid) => session.edit({ illumination: { light_grid } }, "light-grid")} />
-      <SliderField label="Directions" hint="Bands of diffused light: 1 is its mean, 2 tells where it flows to, which surfaces and forward scattering see" value={Math.min(illumination.light_bands, 2)} min={1} max={2} step={1} testId="light-bands" onChange={(bands) => session.edit({ illumination: { light_bands: Math.round(bands) } }, "light-bands")} />
+      <SliderField label="Bands" hint="Bands of diffused light: 1 is its mean, 2 tells where it flows to, which surfaces and forward scattering see" value={Math.min(illumination.light_bands, 2)} min={1} max={2} step={1} testId="light-bands" onChange={(bands) => session.edit({ illumination: { light_bands: Math.round(bands) } }, "light-bands")} />
       <Row label="Carried" hint="How light gets from its source to each cell">
         <NativeSelect aria-label="Light transport" value={illumination.transport} data={[...transports]} data-testid="light-transport" onChange={(event) => session.edit({ illumination: { transport: event.currentTarget.value } })} />
       </Row>

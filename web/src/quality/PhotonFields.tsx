@@ -16,11 +16,11 @@ const GRID = { from: 4, to: 256 };
 export function PhotonFields({ illumination }: { illumination: Illumination }) {
   return (
     <>
-      <SliderField label="Photons" hint="Photons of each light: more of them, less noise, more time and memory" value={illumination.photons} min={1} max={MAX_PHOTONS} sliderMax={SLIDER_PHOTONS.to} step={1} digits={8} toSlider={(x) => Math.log2(Math.max(SLIDER_PHOTONS.from, x))} fromSlider={(x) => Math.round(2 ** x)} testId="photons" onChange={(photons) => session.edit({ illumination: { photons: Math.round(photons) } }, "photons")} />
+      <SliderField label="Photons" hint="Photons of each light: more of them, less noise, more time and memory" value={illumination.photons} min={1} max={MAX_PHOTONS} sliderMax={SLIDER_PHOTONS.to} step={1} whole toSlider={(x) => Math.log2(Math.max(SLIDER_PHOTONS.from, x))} fromSlider={(x) => Math.round(2 ** x)} testId="photons" onChange={(photons) => session.edit({ illumination: { photons: Math.round(photons) } }, "photons")} />
       <SliderField label="Events" hint="Interactions after which a photon is followed no further; dense white matter needs many" value={illumination.photon_events} min={1} max={MAX_EVENTS} sliderMax={SLIDER_EVENTS} step={1} testId="photon-events" onChange={(events) => session.edit({ illumination: { photon_events: Math.round(events) } }, "photon-events")} />
       <SliderField label="Light grid" hint="Places along the volume's longest edge at which scattered light is kept: a finer grid needs more photons" value={illumination.photon_grid} min={GRID.from} max={GRID.to} sliderMax={128} step={1} testId="photon-grid" onChange={(texels) => session.edit({ illumination: { photon_grid: Math.round(texels) } }, "photon-grid")} />
       <ShadowGridField illumination={illumination} />
-      <SliderField label="Directions" hint="Bands that tell from where scattered light comes; 0: as many as matter asks for" value={illumination.photon_bands} min={0} max={6} step={1} testId="photon-bands" onChange={(bands) => session.edit({ illumination: { photon_bands: Math.round(bands) } }, "photon-bands")} />
+      <SliderField label="Bands" hint="Bands that tell from where scattered light comes; 0: as many as matter asks for" value={illumination.photon_bands} min={0} max={6} step={1} testId="photon-bands" onChange={(bands) => session.edit({ illumination: { photon_bands: Math.round(bands) } }, "photon-bands")} />
     </>
   );
 }

@@ -12,6 +12,7 @@ import { LightGridFields } from "./LightGridFields";
 import { canBeRefined, hasPhotons, isTraced, whyNotMixed, withoutEffect } from "./methods";
 import { PhotonFields } from "./PhotonFields";
 import { RecordFields } from "./RecordFields";
+import { whyNotExchanged } from "./records";
 
 const MAX_SAMPLES = 4096;
 const MAX_PATHS = 1 << 20;
@@ -52,7 +53,7 @@ export function QualityPanel() {
   const refinable = useSession((state) => state.scene !== null && canBeRefined(state.scene));
   if (!sampling || !film || background === undefined || orders === undefined || illumination === undefined || lights === undefined) return null;
   const keptInRecords = illumination.method === "image_based" && !traced && mode === "volume";
-  const ordersLack = withoutEffect(illumination.method, "scattering orders");
+  const ordersLack = keptInRecords ? whyNotExchanged(illumination, orders) : withoutEffect(illumination.method, "scattering orders");
   return (
     <Section id="quality" title="Quality" fields={["sampling", "film", "background", "volume", "scattering", "illumination"]}>
       {traced ? <TracingFields illumination={illumination} lights={lights} /> : <RayFields sampling={sampling} />}
@@ -131,7 +132,7 @@ function PathFields({ illumination }: { illumination: Illumination }) {
   const percent = illumination.max_error * 100;
   return (
     <>
-      <SliderField label="Paths" hint="Paths of light per pixel that are followed at rest" value={illumination.paths_per_pixel} min={1} max={MAX_PATHS} sliderMax={SLIDER_PATHS} step={1} toSlider={Math.log2} fromSlider={(x) => Math.round(2 ** x)} digits={7} testId="paths-per-pixel" onChange={(paths) => session.edit({ illumination: { paths_per_pixel: Math.round(paths) } }, "paths")} />
+      <SliderField label="Paths" hint="Paths of light per pixel that are followed at rest" value={illumination.paths_per_pixel} min={1} max={MAX_PATHS} sliderMax={SLIDER_PATHS} step={1} toSlider={Math.log2} fromSlider={(x) => Math.round(2 ** x)} whole testId="paths-per-pixel" onChange={(paths) => session.edit({ illumination: { paths_per_pixel: Math.round(paths) } }, "paths")} />
       <SliderField label="Stop at error" hint="Percent: the picture is final once its standard error is this small, or all paths are followed; 0 waits for all paths" value={percent} min={0} max={100} sliderMax={ERRORS.to} step={0.1} toSlider={(x) => Math.log2(Math.max(ERRORS.from, x))} fromSlider={(x) => (2 ** x <= ERRORS.from ? 0 : 2 ** x)} testId="max-error" onChange={(error) => session.edit({ illumination: { max_error: error / 100 } }, "error")} />
     </>
   );

@@ -28,7 +28,9 @@ export function RecordFields({ illumination }: { illumination: Illumination }) {
           const chosen = lookupChoices.find((choice) => choice.value === event.currentTarget.value);
           if (chosen) edit({ record_lookup: chosen.value });
         }} />
-        <Switch checked={illumination.record_window} label="Damp ringing" data-testid="record-window" onChange={(event) => edit({ record_window: event.currentTarget.checked })} />
+      </Row>
+      <Row label="Ringing" hint="A window over the bands: softer light without dark rings around bright spots">
+        <Switch checked={illumination.record_window} label="Damp" data-testid="record-window" onChange={(event) => edit({ record_window: event.currentTarget.checked })} />
       </Row>
     </>
   );

@@ -21,7 +21,7 @@ test("choices are what the server takes, by names of their own", () => {
 test("compression has the choice that a file made, and says what it left out", () => {
   expect(clusterChoicesWith(128)).toEqual(clusterChoices);
   expect(clusterChoicesWith(100).at(-1)).toEqual({ value: "100", label: "100 clusters" });
-  expect(compressionInWords(0.03456)).toBe("Compression leaves out 3.5 % of the bake.");
+  expect(compressionInWords(0.03456)).toBe("Compression leaves out 3.5 % of the bake (root mean square); pictures differ less.");
 });
 
 test("baked light takes pictures of light", () => {

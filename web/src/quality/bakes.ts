@@ -29,7 +29,7 @@ export const clusterChoicesWith = (count: number): { value: string; label: strin
 };
 
 /** What compression left out of the bake, in words. */
-export const compressionInWords = (error: number): string => `Compression leaves out ${(100 * error).toPrecision(2)} % of the bake.`;
+export const compressionInWords = (error: number): string => `Compression leaves out ${Number((100 * error).toPrecision(2))} % of the bake (root mean square); pictures differ less.`;
 
 /** Whether light is baked for the scene: other modes show data, or single places. */
 export const hasBake = ({ illumination, rendering }: Pick<SceneFile, "illumination" | "rendering">): boolean => illumination.method === "precomputed_transfer" && rendering.mode === "volume";

@@ -43,7 +43,6 @@ export function samplesAtRest(scene: SceneFile): number {
 
 /** What a control of the panels does not do with this method, in words; null if it works. */
 export function withoutEffect(method: Method, control: "clip shadows" | "scattering orders"): string | null {
-  if (method === "image_based") return control === "scattering orders" ? "Image-based lighting scatters light once and follows it no further." : null;
   if (method !== "local") return null;
   return {
     "clip shadows": "Local shading casts no shadows.",

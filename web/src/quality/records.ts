@@ -1,6 +1,6 @@
 /** Settings of image-based lighting, as its panel offers them. */
 
-import type { RecordForm, RecordLookup } from "../generated/proto";
+import type { Illumination, RecordForm, RecordLookup, SceneFile } from "../generated/proto";
 
 /** The server's bounds. */
 export const MIN_RECORDS = 2;
@@ -21,3 +21,11 @@ export const lookupChoices: readonly { value: RecordLookup; label: string }[] = 
   { value: "trilinear", label: "Interpolated" },
   { value: "containing", label: "One record" },
 ];
+
+/** What keeps orders of scattering from the picture, in words; null if nothing does. */
+export function whyNotExchanged({ record_exchange: rounds, record_form: form }: Pick<Illumination, "record_exchange" | "record_form">, orders: SceneFile["scattering"]["orders"]): string | null {
+  if (form !== "product") return "Records of this form scatter light once and follow it no further.";
+  if (rounds === 0) return orders === 1 ? null : "Without exchanges image-based lighting scatters light once.";
+  if (orders === 1) return "Scattering is single: records exchange no light.";
+  return orders !== "all" && orders - 1 < rounds ? `Records exchange light ${orders - 1} times only: that makes the ${orders} orders.` : null;
+}

@@ -160,8 +160,10 @@ describe("a report", () => {
     expect(reported(refined)).toEqual({ report: refined, pictureReport: refined });
     const unseen = { ...report, changes: ["shadows of clipped matter"] };
     expect(reported(unseen)).toEqual({ report: unseen, changeReport: unseen });
-    const compressed = { ...report, counters: { transfer_compression_error_ppm: 20000 } };
+    const compressed = { ...report, counters: { transfer_rows: 100, transfer_compression_error_ppm: 20000 } };
     expect(reported(compressed)).toEqual({ report: compressed, compressionError: 0.02 });
+    const whole = { ...report, counters: { transfer_rows: 100 } };
+    expect(reported(whole)).toEqual({ report: whole, compressionError: null });
   });
 });
 

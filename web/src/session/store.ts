@@ -119,12 +119,12 @@ export const isWatching = ({ role }: Pick<SessionState, "role">): boolean => rol
 
 /** What a report makes known: it may be of a change, of a picture, or of both. */
 export function reported(report: FrameReport): Partial<SessionState> {
-  const { transfer_compression_error_ppm: compression } = report.counters;
+  const { transfer_rows: rows, transfer_compression_error_ppm: compression } = report.counters;
   return {
     report,
     ...(report.changes.length > 0 ? { changeReport: report } : {}),
     ...(report.stages.length > 0 ? { pictureReport: report } : {}),
-    ...(compression !== undefined ? { compressionError: compression / 1e6 } : {}),
+    ...(rows !== undefined ? { compressionError: compression === undefined ? null : compression / 1e6 } : {}),
     ...(report.stale_shares ? { staleShares: report.stale_shares } : {}),
   };
 }

@@ -100,7 +100,6 @@ describe("a method", () => {
     expect(shortcoming({ illumination: illumination("image_based"), lights: [disk, sky] })).toContain("sharp");
     expect(shortcoming({ illumination: illumination("image_based"), lights: [{ ...disk, enabled: false }, lamp, sky] })).toBeNull();
     expect(shortcoming({ illumination: illumination("photon_map"), lights: [disk] })).toBeNull();
-    expect(withoutEffect("image_based", "scattering orders")).toContain("once");
     expect(withoutEffect("image_based", "clip shadows")).toBeNull();
   });
 
