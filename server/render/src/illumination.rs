@@ -7,8 +7,8 @@ use std::time::Instant;
 
 use proto::plan::StaleShares;
 use proto::scene_file::Method;
-use scene::Snapshot;
 use scene::plan::LightState;
+use scene::{Scene, Snapshot};
 
 use crate::convection_diffusion::{self, ConvectionDiffusion};
 use crate::direct_light;
@@ -119,7 +119,7 @@ impl Illumination {
     ) -> Result<(), RenderError> {
         let method = inputs.snapshot.scene.method;
         if self.lit.as_ref().is_some_and(|(kept, _)| *kept != method) {
-            self.forget();
+            self.go_over_to(method, &inputs.snapshot.scene);
         }
         self.snapshot = Some(inputs.snapshot.clone());
         let lit = match &mut self.lit {
@@ -139,6 +139,24 @@ impl Illumination {
             self.version += 1;
         }
         Ok(())
+    }
+
+    /// Another method begins. A bake takes long to have something of all light: until then the light before is
+    /// shown.
+    fn go_over_to(&mut self, method: Method, scene: &Scene) {
+        let (lit, snapshot, lit_epoch) = (self.lit.take(), self.snapshot.take(), self.lit_epoch);
+        self.forget();
+        let same_box = |before: &Scene| {
+            before.volume.content == scene.volume.content && before.grid.size_world == scene.grid.size_world
+        };
+        let before =
+            snapshot.filter(|before| method == Method::PrecomputedTransfer && same_box(&before.scene));
+        let field = lit.and_then(|(_, lit)| lit.into_field());
+        if let Some((field, before)) = field.zip(before) {
+            let bake = PrecomputedTransfer::after(field, before.scene.lights.clone());
+            self.lit = Some((method, Lit::PrecomputedTransfer(Box::new(bake))));
+            self.lit_epoch = lit_epoch;
+        }
     }
 
     fn forget(&mut self) {
@@ -274,6 +292,17 @@ impl Lit {
             Lit::PrecomputedTransfer(light) => light.field(),
             #[cfg(test)]
             Lit::Given(field) => Some(field),
+        }
+    }
+
+    fn into_field(self) -> Option<LightField> {
+        match self {
+            Lit::ImageBased(records) => records.into_field(),
+            Lit::PhotonMap(map) => Some(map.into_field()),
+            Lit::ConvectionDiffusion(light) => Some(light.into_field()),
+            Lit::PrecomputedTransfer(_) => None,
+            #[cfg(test)]
+            Lit::Given(field) => Some(*field),
         }
     }
 

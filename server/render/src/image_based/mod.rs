@@ -113,6 +113,10 @@ impl ImageBased {
         self.kept.as_ref().map(|kept| &kept.field)
     }
 
+    pub fn into_field(self) -> Option<LightField> {
+        self.kept.map(|kept| kept.field)
+    }
+
     pub fn bytes(&self) -> u64 {
         let direct = self.direct.as_ref().map_or(0, DirectLight::bytes);
         direct

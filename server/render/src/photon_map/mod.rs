@@ -244,6 +244,10 @@ impl PhotonMap {
         &self.field.light
     }
 
+    pub fn into_field(self) -> LightField {
+        self.field.light
+    }
+
     /// Bins that photons relied on: of all, or of many the first of each light, which are as random as
     /// the others.
     pub fn bins_relied_on(&self, gpu: &Gpu) -> Result<Vec<u64>, RenderError> {

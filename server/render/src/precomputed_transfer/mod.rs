@@ -78,11 +78,19 @@ pub(crate) struct PrecomputedTransfer {
     lit: Option<(Vec<Light>, LightVector)>,
     /// Light in matter as it was, shown until there is something of all light in matter as it is.
     old: Option<LightField>,
+    /// The lights of `old`, if another method made it: those of the scene have not changed since.
+    lights_before: Option<Vec<Light>>,
     /// Whether the newest scene waits for photons that are at work for another one.
     waits: bool,
 }
 
 impl PrecomputedTransfer {
+    /// With the light that another method made for these lights, to be shown until there is something of all
+    /// light.
+    pub fn after(field: LightField, lights: Vec<Light>) -> Self {
+        Self { old: Some(field), lights_before: Some(lights), ..Self::default() }
+    }
+
     /// The bake that is, or will be, the scene's: the one there is, if it serves or can follow, or a new one.
     fn bring<'a>(
         bake: &'a mut Option<Bake>,
@@ -118,6 +126,9 @@ impl PrecomputedTransfer {
         counters: &mut BTreeMap<String, u64>,
     ) -> Result<Progress, RenderError> {
         let scene = &inputs.snapshot.scene;
+        if self.lights_before.take_if(|before| *before != scene.lights).is_some() {
+            self.old = None;
+        }
         let mut work = Work::default();
         let bake = loop {
             let bake = Self::bring(&mut self.bake, inputs, &mut self.old, &mut self.lit)?;
@@ -142,7 +153,7 @@ impl PrecomputedTransfer {
         let mut changed = false;
         let is_mixed = bake.is_behind() || self.waits;
         if !is_mixed && (self.old.is_none() || bake.has_all_light()) {
-            self.old = None;
+            (self.old, self.lights_before) = (None, None);
             let kept = self.lit.take().filter(|(lights, _)| *lights == scene.lights);
             let more = work.rays + work.spread + work.photons + work.loaded + work.compressed;
             changed = more > 0 || work.caught_up || kept.is_none();

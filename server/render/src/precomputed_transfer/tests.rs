@@ -187,6 +187,31 @@ fn light_before_an_edit_is_shown_until_there_is_some_of_all_of_the_new() {
 }
 
 #[test]
+fn light_of_the_method_before_is_shown_until_there_is_some_of_all_of_the_bake() {
+    let volume = balls(20);
+    let photons = json!({"illumination": {"method": "photon_map", "photons": 4096, "photon_grid": 8}});
+    let brighter = json!({"lights": [{"type": "environment", "id": "sky", "radiance": [3, 3, 3]}]});
+    let before = snapshot(&volume, std::slice::from_ref(&photons), 0, 1);
+    let after = snapshot(&volume, &[], 0, 2);
+    let relit = snapshot(&volume, &[brighter], 0, 2);
+    for (next, keeps) in [(&after, true), (&relit, false)] {
+        let mut view = View::new();
+        draw(&mut view, &before);
+        let picture = radiance(&view);
+        let budget = Some(Duration::from_millis(1));
+        let first =
+            renderer().draw(&mut view, &DrawRequest { snapshot: next, target: TARGET, budget }).unwrap();
+        assert!(!first.complete && first.illumination < 0.5);
+        assert_eq!(first.illumination_epoch, if keeps { 1 } else { 2 });
+        let mean = |rgb: &[f32]| rgb.iter().sum::<f32>() / rgb.len() as f32;
+        let kept = mean(&radiance(&view)) / mean(&picture);
+        assert_eq!((0.95..1.05).contains(&kept), keeps, "fewer samples of the same light: {kept}");
+        assert!(draw(&mut view, next).complete);
+        assert_eq!(radiance(&view), image_of(next));
+    }
+}
+
+#[test]
 fn slices_and_leaps_change_no_bit() {
     let volume = balls(20);
     let whole = snapshot(&volume, &[], 0, 1);

@@ -183,6 +183,10 @@ impl ConvectionDiffusion {
         Some(&self.field)
     }
 
+    pub fn into_field(self) -> LightField {
+        self.field
+    }
+
     /// Bytes on the GPU.
     pub fn bytes(&self) -> u64 {
         let diffused = self.diffused.as_ref().map_or(0, Grids::bytes);
