@@ -1,6 +1,7 @@
 //! One viewer's caches: film, tables, distance map, each with the snapshot it was computed from.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use scene::plan::{Caches, FilmState, SegmentsState, Target};
 use scene::{Integrator, Scene, Snapshot};
@@ -35,6 +36,8 @@ pub struct View {
     edits_to_come: bool,
     /// Milliseconds per million pixel samples, of the last slices; sizes the next slice.
     pub(crate) millis_per_megasample: f64,
+    /// How long the rays of the last call took.
+    pub(crate) rays_took: Duration,
 }
 
 pub(crate) struct TransferFunctionTables {

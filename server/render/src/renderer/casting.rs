@@ -25,6 +25,8 @@ const FIRST_SLICE_SHARE: u32 = 16;
 /// waiting for it costs more than casting the rays (3 ms on an idle software device, ten times
 /// that on a busy one).
 const MIN_SLICE_PIXELS: u32 = 16_384;
+/// Unless they take longer than this: then it costs little beside them.
+const LONG_SLICE: Duration = Duration::from_millis(100);
 /// Names of the words of the counter buffer, in the shader's order.
 const COUNTERS: [&str; 6] = [
     "samples_taken",
@@ -103,7 +105,8 @@ impl Renderer {
                 Some(pass) => pass,
                 None => self.sample_pass(scene, &tables, buffers, film, segments)?,
             };
-            let rows = slice_rows(film, view.millis_per_megasample, request.budget);
+            let rows =
+                slice_rows([film.width, film.height], film.rows, view.millis_per_megasample, request.budget);
             uniform.segments_kept = u32::from(current.segments_kept);
             uniform.first_row = film.rows;
             uniform.row_count = rows;
@@ -227,17 +230,43 @@ pub(crate) fn name_counters(names: &[&str], bytes: &[u8], counters: &mut BTreeMa
     }
 }
 
-/// Rows of the next slice: whole workgroups, as many as fit the time a slice may take.
-fn slice_rows(film: &FilmCache, millis_per_megasample: f64, budget: Option<Duration>) -> u32 {
-    let left = film.height - film.rows;
+/// Rows of the next slice of a picture, behind those that are done: whole workgroups, as many as fit the time a
+/// slice may take.
+fn slice_rows(
+    [width, height]: [u32; 2],
+    done: u32,
+    millis_per_megasample: f64,
+    budget: Option<Duration>,
+) -> u32 {
+    let whole_groups = |rows: u32| rows.max(1).div_ceil(WORKGROUP_EDGE) * WORKGROUP_EDGE;
+    let left = height - done;
+    if millis_per_megasample <= 0.0 {
+        let fewest = MIN_SLICE_PIXELS.div_ceil(width);
+        return whole_groups((height / FIRST_SLICE_SHARE).max(fewest)).min(left);
+    }
+    let row_millis = millis_per_megasample * f64::from(width) / 1e6;
+    let rows_in = |time: Duration| (time.as_secs_f64() * 1e3 / row_millis).min(f64::from(height)) as u32;
     let aim = budget.map_or(UNHURRIED_SLICE, |budget| budget.mul_f64(SLICE_SHARE_OF_BUDGET));
-    let rows = if millis_per_megasample > 0.0 {
-        let row_millis = millis_per_megasample * f64::from(film.width) / 1e6;
-        (aim.as_secs_f64() * 1e3 / row_millis).min(f64::from(film.height)) as u32
-    } else {
-        film.height / FIRST_SLICE_SHARE
-    };
-    let whole_groups = |rows: u32| rows.div_ceil(WORKGROUP_EDGE) * WORKGROUP_EDGE;
-    let fewest = whole_groups(MIN_SLICE_PIXELS.div_ceil(film.width));
-    whole_groups(rows).max(fewest).min(left)
+    let fewest = MIN_SLICE_PIXELS.div_ceil(width).min(rows_in(LONG_SLICE));
+    whole_groups(rows_in(aim).max(fewest)).min(left)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slices_are_worth_their_dispatch_and_slow_rays_come_in_short_ones() {
+        let rows = |millis: f64, budget: u64| {
+            slice_rows([800, 600], 0, millis, (budget > 0).then(|| Duration::from_millis(budget)))
+        };
+        assert_eq!(rows(0.0, 20), 40, "nothing is known yet");
+        assert_eq!(rows(1000.0, 20), 24, "as many pixels as a dispatch is worth");
+        assert_eq!(rows(1000.0, 200), 128);
+        assert_eq!(rows(1000.0, 0), 256);
+        assert_eq!(rows(10_000.0, 20), 16, "a tenth of a second");
+        assert_eq!(rows(200_000.0, 20), 8, "one row of workgroups at least");
+        assert_eq!(rows(1e12, 20), 8);
+        assert_eq!(slice_rows([800, 600], 595, 1000.0, None), 5, "no more than is left");
+    }
 }

@@ -46,6 +46,9 @@ pub const METHODS_BUILT: &[Method] = &Method::ALL;
 
 /// Light computed ahead may take this share of a call's budget; the rest is for the picture.
 const LIGHT_SHARE_OF_BUDGET: f64 = 0.5;
+/// Or as long as the rays of the call before took, if they are slower than the budget has it, up to this much:
+/// else light would wait for pictures that are drawn again once it is there.
+const MOST_LIGHT: Duration = Duration::from_millis(500);
 
 /// Draws views. One per GPU, on the thread that owns submission.
 pub struct Renderer {
@@ -318,7 +321,9 @@ impl Renderer {
         let light = view.light.clone();
         let mut light = light.lock();
         if plan.runs(Pass::Illuminate) {
-            let deadline = request.budget.map(|budget| began + budget.mul_f64(LIGHT_SHARE_OF_BUDGET));
+            let as_rays = view.rays_took.min(MOST_LIGHT);
+            let time = request.budget.map(|budget| budget.mul_f64(LIGHT_SHARE_OF_BUDGET).max(as_rays));
+            let deadline = time.map(|time| began + time);
             stages.time("illuminate", || {
                 let inputs = self.inputs(view, snapshot)?;
                 light.advance(&inputs, deadline, &mut counters)
@@ -333,6 +338,7 @@ impl Renderer {
             let target = Target { samples_per_pixel, ..request.target };
             let request = &DrawRequest { target, ..*request };
             let field = light.field().filter(|_| scene.has_light_field());
+            let rays_began = Instant::now();
             stages.time("ray_cast", || {
                 self.cast_rays(view, field, scene, request, began)?;
                 // Waits for the last slice, too: if that failed, so did the film.
@@ -342,6 +348,7 @@ impl Renderer {
                 }
                 finished
             })?;
+            view.rays_took = rays_began.elapsed();
             stages.on_device("ray_cast", self.gpu.take_device_millis());
         }
         if plan.runs(Pass::PathTrace) {
