@@ -20,7 +20,7 @@ fn sobol4(index: u32, seed: u32) -> vec4u {
     return owen_scrambled(vec4u(reverseBits(index), sum), seeds);
 }
 
-// Each bit is turned or not by a hash of those above it and of the seed.
+// Each bit is turned or not by a hash of those above it and of the seed (Vegdahl 2021: Building a better LK hash).
 fn owen_scrambled(words: vec4u, seeds: vec4u) -> vec4u {
     var v = reverseBits(words);
     v ^= v * 0x3d20adeau;
