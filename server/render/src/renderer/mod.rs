@@ -46,9 +46,9 @@ pub const METHODS_BUILT: &[Method] = &Method::ALL;
 
 /// Light computed ahead may take this share of a call's budget; the rest is for the picture.
 const LIGHT_SHARE_OF_BUDGET: f64 = 0.5;
-/// Or as long as the rays of the call before took, if they are slower than the budget has it, up to this much:
-/// else light would wait for pictures that are drawn again once it is there.
-const MOST_LIGHT: Duration = Duration::from_millis(500);
+/// Or as long as the rays of the call before took, if they are slower than the budget has it, up to this many
+/// budgets: else light would wait for pictures that are drawn again once it is there.
+const MOST_BUDGETS_FOR_LIGHT: u32 = 20;
 
 /// Draws views. One per GPU, on the thread that owns submission.
 pub struct Renderer {
@@ -321,8 +321,10 @@ impl Renderer {
         let light = view.light.clone();
         let mut light = light.lock();
         if plan.runs(Pass::Illuminate) {
-            let as_rays = view.rays_took.min(MOST_LIGHT);
-            let time = request.budget.map(|budget| budget.mul_f64(LIGHT_SHARE_OF_BUDGET).max(as_rays));
+            let time = request.budget.map(|budget| {
+                let as_rays = view.rays_took.min(budget.saturating_mul(MOST_BUDGETS_FOR_LIGHT));
+                budget.mul_f64(LIGHT_SHARE_OF_BUDGET).max(as_rays)
+            });
             let deadline = time.map(|time| began + time);
             stages.time("illuminate", || {
                 let inputs = self.inputs(view, snapshot)?;
