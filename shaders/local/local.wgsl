@@ -17,13 +17,17 @@ fn scattered_radiance(x: vec3f, w_o: vec3f, albedo: vec3f, material: Material, g
     }
     for (var i = 0u; i < steering(frame.light_count); i++) {
         var light = incident_light(i, x);
-        if DIRECT { light.irradiance *= transmittance_from(i, x, light.w_i); }
         var scattered = (1.0 - surface) * phase_function(material, dot(-light.w_i, w_o)) * albedo;
         if surface > 0.0 {
             let f_r = brdf(material, n, light.w_i, w_o);
             scattered += surface * (f_r.x * albedo + f_r.y) * max(dot(n, light.w_i), 0.0);
         }
-        sum += scattered * light.irradiance;
+        scattered *= light.irradiance;
+        if DIRECT {
+            let brightest = max(scattered.x, max(scattered.y, scattered.z));
+            scattered *= transmittance_from(i, x, light.w_i, brightest > 0.0);
+        }
+        sum += scattered;
     }
     return sum;
 }

@@ -4,8 +4,10 @@
 // A column a point; rows: (sigma_t, s, 1 / width of the piece above it or 0, material index),
 // albedo, emission.
 @group(0) @binding(1) var tf_points: texture_2d<f32>;
-// A column a cell of TF_CELLS: extinction at its lower edge, slope in s, last point at or below
-// the edge, 1 if another point lies inside. Textures, because Mesa's software device reads storage
+// A column a cell of TF_CELLS; rows: extinction at its lower edge, slope in s, last point at or below
+// the edge, 1 if another point lies inside; then what extinction integrates to over s from 0 up to the
+// edge (the sum of two floats) and the first point inside, 2 if there is none; then extinction from there
+// on, its slope, and the integral from the edge to there. Textures, because Mesa's software device reads storage
 // buffers at divergent indices one lane at a time.
 @group(0) @binding(2) var tf_cells: texture_2d<f32>;
 @group(0) @binding(3) var<uniform> materials: array<Material, MAX_MATERIALS>;

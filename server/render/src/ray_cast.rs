@@ -17,6 +17,10 @@ pub const WORKGROUP_EDGE: u32 = 8;
 
 /// A compiled specialisation. Variants may round differently from one another, so everything
 /// that is compared for equality uses one variant.
+/// Parts that a ray may look at towards lights; `MOST_NEAR_TURNS` in the shader. All loops of eight rays end
+/// after 65,535 turns together on a software device, and half of these are for the way of the rays.
+const MOST_NEAR_TURNS_SOFTWARE: u32 = 4096;
+
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Variant {
     /// 0 hardware trilinear, 1 f32 trilinear, 2 nearest; `FILTER` in the shader.
@@ -191,6 +195,9 @@ impl RayCaster {
             constants.push(("SKINS", f64::from(u8::from(variant.skins))));
             constants.push(("FACED", f64::from(u8::from(variant.faced))));
             constants.push(("NEAR_PARTS", f64::from(variant.near_parts.unwrap_or(0))));
+            if gpu.info().software {
+                constants.push(("MOST_NEAR_TURNS", f64::from(MOST_NEAR_TURNS_SOFTWARE)));
+            }
             constants.push(("ENVIRONMENT_IMAGE", f64::from(u8::from(variant.image_behind))));
             constants.push(("KEEP_SEGMENTS", f64::from(u8::from(variant.keep_segments))));
             gpu.compute_pipeline("ray_cast", Some(layout), module, &constants)

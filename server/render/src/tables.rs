@@ -26,6 +26,9 @@ const S_SLACK: f64 = 1e-5;
 /// Rows of the point table.
 pub const POINT_ROWS: usize = 3;
 
+/// Rows of the table of cells.
+pub const CELL_ROWS: usize = 3;
+
 /// Materials a scene may have and the isotropic one before them; as in shaders/shared/medium.wgsl.
 pub const MAX_MATERIALS: usize = proto::scene_file::limits::MAX_MATERIALS + 1;
 
@@ -50,10 +53,10 @@ pub fn transfer_function_points(scene: &Scene) -> Vec<[f32; 4]> {
     rows.chain(points.iter().map(|point| color(point.emission))).collect()
 }
 
-/// Texels of `tf_cells`: extinction at the cell's lower edge, its slope, the last point at or
-/// below the edge, and 1 if another point lies inside (then the points decide).
-pub fn transfer_function_cells(scene: &Scene) -> Vec<[f32; 4]> {
-    let function = &scene.transfer_function;
+/// Texels of `tf_cells`, row by row ([`CELL_ROWS`]): extinction at the cell's lower edge, its slope,
+/// the last point at or below the edge, and 1 if another point lies inside (then the points decide).
+/// Then [`integrals_of_cells`].
+pub fn transfer_function_cells(function: &TransferFunction) -> Vec<[f32; 4]> {
     let edge = |cell: usize| cell as f64 / TRANSFER_FUNCTION_CELLS as f64;
     (0..TRANSFER_FUNCTION_CELLS)
         .map(|cell| {
@@ -70,7 +73,45 @@ pub fn transfer_function_cells(scene: &Scene) -> Vec<[f32; 4]> {
                 };
             [lower as f32, slope as f32, below as f32 - 1.0, f32::from(u8::from(inside > below))]
         })
+        .chain(integrals_of_cells(function))
         .collect()
+}
+
+/// What [`TransferFunction::sigma_t`] integrates to from 0 on, at cells' lower edges, as the sum of two
+/// floats, and where in the cell it goes on by another line than the one from the edge (2: nowhere); then
+/// extinction on that line, its slope, and what it integrates to from the edge up to there.
+fn integrals_of_cells(function: &TransferFunction) -> Vec<[f32; 4]> {
+    let width = 1.0 / TRANSFER_FUNCTION_CELLS as f64;
+    let edge = |cell: usize| cell as f64 * width;
+    let mut before = 0.0;
+    let (firsts, seconds): (Vec<_>, Vec<_>) = (0..TRANSFER_FUNCTION_CELLS)
+        .map(|cell| {
+            let (low, high) = (edge(cell), edge(cell + 1));
+            let whole = function.integral(low, high);
+            let inside = function.points.iter().filter(|point| low < point.s && point.s <= high);
+            let places: Vec<f64> = inside.map(|point| point.s).collect();
+            let begins = before;
+            before += whole;
+            let (hi, lo) = (begins as f32, (begins - f64::from(begins as f32)) as f32);
+            let (Some(&first), Some(&last)) = (places.first(), places.last()) else {
+                return ([hi, lo, 2.0, 0.0], [0.0; 4]);
+            };
+            let up_to = function.integral(low, first);
+            let after = function.at(first).sigma_t;
+            let rest = high - first;
+            let is_one_line = first == last;
+            let line = if rest == 0.0 {
+                [after, 0.0]
+            } else if is_one_line {
+                [after, 2.0 * ((whole - up_to) / rest - after) / rest]
+            } else {
+                // More points than cells tell apart: their mean.
+                [(whole - up_to) / rest, 0.0]
+            };
+            ([hi, lo, first as f32, 0.0], [line[0] as f32, line[1] as f32, up_to as f32, 0.0])
+        })
+        .unzip();
+    [firsts, seconds].concat()
 }
 
 /// Of [`MATTER_CELLS`] equal cells of `s` those in which there is matter, as bits; and the smallest
@@ -293,6 +334,42 @@ mod tests {
             material: 0,
         };
         TransferFunction { points: points.iter().map(point).collect() }
+    }
+
+    /// The mean over a way in s, as `mean_extinction` in shaders/direct_light/look_up.wgsl has it.
+    #[test]
+    fn cells_know_what_extinction_integrates_to() {
+        let functions = [
+            function(&[(0.0, 0.0), (0.16, 0.0), (0.42, 260.0), (1.0, 400.0)]),
+            // Jumps, down, too, on an edge and within a cell; thin matter above dense.
+            function(&[(0.25, 1e6), (0.25, 2.0), (0.3, 0.0), (0.5003, 0.0), (0.5003, 9.0), (0.9, 1e-3)]),
+            function(&[(1.0, 7.0)]),
+        ];
+        for function in &functions {
+            let texels = transfer_function_cells(function);
+            let integral = |s: f64| {
+                let cell = ((s * TRANSFER_FUNCTION_CELLS as f64) as usize).min(TRANSFER_FUNCTION_CELLS - 1);
+                let [line, sum, rest] =
+                    [0, 1, 2].map(|row| texels[row * TRANSFER_FUNCTION_CELLS + cell].map(f64::from));
+                let ds = s - cell as f64 / TRANSFER_FUNCTION_CELLS as f64;
+                let within = if s < sum[2] {
+                    ds * (line[0] + 0.5 * line[1] * ds)
+                } else {
+                    rest[2] + (s - sum[2]) * (rest[0] + 0.5 * rest[1] * (s - sum[2]))
+                };
+                sum[0] + sum[1] + within
+            };
+            let mut expected = 0.0;
+            for i in 0..20_000 {
+                let [low, high] = [i, i + 1].map(|i| f64::from(i) / 20_000.0);
+                expected += function.integral(low, high);
+                let off = (integral(high) - expected).abs();
+                assert!(
+                    off <= 1e-6 * function.at(high).sigma_t + 1e-9 * expected + 1e-9,
+                    "{function:?}: {high}, {off}"
+                );
+            }
+        }
     }
 
     #[test]

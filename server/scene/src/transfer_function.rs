@@ -64,6 +64,19 @@ impl TransferFunction {
         self.between(self.points.partition_point(|point| point.s <= s), s)
     }
 
+    /// Integral of extinction over `s`, from one value to a larger one.
+    pub fn integral(&self, from: f64, to: f64) -> f64 {
+        let inside = self.points.iter().map(|point| point.s).filter(|&s| from < s && s < to);
+        let mut low = from;
+        inside
+            .chain([to])
+            .map(|high| {
+                let mean = 0.5 * (self.at(low).sigma_t + self.below(high).sigma_t);
+                mean * (high - std::mem::replace(&mut low, high))
+            })
+            .sum()
+    }
+
     /// Matter just below `s`.
     fn below(&self, s: f64) -> Point {
         self.between(self.points.partition_point(|point| point.s < s), s)

@@ -41,10 +41,8 @@ const CELLS_A_VOXEL: f64 = 2.0;
 /// How far matter is looked at beside a place, cells between nodes.
 const NEAR_CELLS: f64 = 2.0;
 /// Parts of that way: one of these, so that there are few variants of the ray caster.
-const NEAR_PARTS: [u32; 4] = [4, 8, 16, 32];
-/// Where there are more lights, view rays of a software device, whose loops of eight rays end after
-/// 65,535 turns together, do not look at matter beside a place.
-const MAX_NEAR_LIGHTS_SOFTWARE: usize = 4;
+const NEAR_PARTS: [u32; 7] = [4, 6, 8, 12, 16, 24, MOST_NEAR_PARTS];
+const MOST_NEAR_PARTS: u32 = 32;
 
 /// What nodes are laid out for.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -155,7 +153,7 @@ impl DirectLight {
     }
 
     /// As view rays of the scene look it up.
-    pub fn look_up(&self, scene: &Scene, gpu: &Gpu) -> Option<Direct> {
+    pub fn look_up(&self, scene: &Scene) -> Option<Direct> {
         let kept = self.kept.as_ref()?;
         let (grid, cells) = (&scene.grid, kept.layout.cells);
         let cell = (0..3).map(|axis| grid.size_world[axis] / f64::from(cells[axis]));
@@ -167,18 +165,13 @@ impl DirectLight {
             Filter::Nearest => (1.74 * voxels).ceil() + 3.0,
             Filter::Linear => 2.0 * voxels,
         };
-        let leaves_out = gpu.info().software && tables::by_slot(scene).len() > MAX_NEAR_LIGHTS_SOFTWARE;
         let enough = |n: &u32| f64::from(*n) >= parts;
         Some(Direct {
             view: kept.view.clone(),
             cells,
             nodes: cells.map(|n| n + 1),
-            near: if leaves_out { 0.0 } else { near as f32 },
-            near_parts: if leaves_out {
-                0
-            } else {
-                NEAR_PARTS.into_iter().find(enough).unwrap_or(NEAR_PARTS[3])
-            },
+            near: near as f32,
+            near_parts: NEAR_PARTS.into_iter().find(enough).unwrap_or(MOST_NEAR_PARTS),
             clipped_matter_blocks: scene.clip.shadows,
         })
     }

@@ -105,3 +105,32 @@ fn light_scattered_once_is_exact() {
     let expected = 10.0 * albedo / (4.0 * std::f64::consts::PI) * 0.5 * (1.0 - (-2.0 * SIGMA_T).exp());
     assert!((found / expected - 1.0).abs() < 0.01, "{found} for {expected}");
 }
+
+/// All loops of eight rays end after 65,535 turns together on a software device: ways to lights must not use
+/// them up, or rays end in the middle of thin matter.
+#[test]
+fn lights_do_not_end_rays() {
+    const LENGTH: usize = 192;
+    let voxels = (0..LENGTH * 16).map(|i| [90, 255, 30, 200, 60][i % 5]).collect();
+    let volume = Volume::new([4, 4, LENGTH], Voxels::U8(voxels));
+    let volume = Arc::new(PreparedVolume::new(volume, &|_| {}));
+    let lamp = |i: usize| json!({"type": "point", "position": [2, -8 + i as i32, 0], "intensity": [1, 1, 1]});
+    let lights: Vec<Value> = (0..16).map(lamp).collect();
+    let mut renderer = renderer();
+    let target = Target { width: 8, height: 8, samples_per_pixel: 1 };
+    let with_matter = ["photon_map", "local"].map(|method| {
+        let file = json!({"version": 1, "volume": {"builtin": "homogeneous"}, "value_range": [0, 255],
+            "camera": {"position": [0, 0, 3], "target": [0, 0, 0], "up": [0, 1, 0], "fov_y_degrees": 0.3},
+            "transfer_function": {"points": [{"s": 0, "extinction": 0.01}, {"s": 1, "extinction": 0.03}]},
+            "lights": lights, "illumination": {"method": method, "photons": 1, "direct_grid": 8}});
+        let file = proto::SceneFile::from_value(file).unwrap();
+        let snapshot = Snapshot { epoch: 1, scene: Scene::new(&file, volume.clone()).unwrap() };
+        let request = DrawRequest { snapshot: &Arc::new(snapshot), target, budget: None };
+        renderer.draw(&mut View::new(), &request).unwrap().counters["samples_with_matter"]
+    });
+    eprintln!("{with_matter:?}");
+    assert!(
+        with_matter[0] >= with_matter[1] && with_matter[1] > 64 * LENGTH as u64 * 9 / 10,
+        "{with_matter:?}"
+    );
+}

@@ -156,7 +156,7 @@ impl ImageBased {
         }
         kept.place(inputs.snapshot);
         let all_at_once = kept.relight(inputs, &mut self.skies)?;
-        match self.direct.as_ref().and_then(|direct| direct.look_up(scene, inputs.gpu)) {
+        match self.direct.as_ref().and_then(|direct| direct.look_up(scene)) {
             Some(look_up) => kept.field.set_direct(look_up),
             None => kept.field.take_direct_in(),
         }

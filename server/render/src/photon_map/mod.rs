@@ -149,7 +149,7 @@ impl PhotonMap {
             *self = Self::new(inputs)?;
         }
         let direct = self.direct.advance(inputs, deadline, counters)?;
-        if let Some(look_up) = self.direct.look_up(scene, inputs.gpu) {
+        if let Some(look_up) = self.direct.look_up(scene) {
             self.field.light.set_direct(look_up);
         }
         let mut changed = self.field.bring_mass_to(inputs)?;

@@ -531,10 +531,11 @@ impl Renderer {
     fn transfer_function_tables(&self, scene: &Scene) -> Result<TransferFunctionTables, RenderError> {
         let points = tables::transfer_function_points(scene);
         let width = scene.transfer_function.points.len() as u32;
-        let cells = tables::transfer_function_cells(scene);
+        let cells = tables::transfer_function_cells(&scene.transfer_function);
+        let cell_rows = [tables::TRANSFER_FUNCTION_CELLS, tables::CELL_ROWS].map(|edge| edge as u32);
         Ok(TransferFunctionTables {
             points: self.table("transfer function points", &points, [width, tables::POINT_ROWS as u32])?,
-            cells: self.table("transfer function cells", &cells, [cells.len() as u32, 1])?,
+            cells: self.table("transfer function cells", &cells, cell_rows)?,
             materials: self.uniform("materials", &tables::materials(scene), tables::MAX_MATERIALS)?,
         })
     }
