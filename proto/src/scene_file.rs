@@ -813,6 +813,8 @@ pub struct Illumination {
     /// `photon_map`: bands of spherical harmonics that hold the light where matter is not isotropic,
     /// 1..6; 0: as many as the phase functions ask for.
     pub photon_bands: u32,
+    /// `photon_map`: where view rays find the light that photons bring.
+    pub gather: LightGather,
     /// `photon_map`, `image_based`: cells along the volume's longest edge of the grid that holds what
     /// lights bring by themselves, 4..256; none smaller than half a voxel.
     pub direct_grid: u32,
@@ -865,6 +867,18 @@ pub struct Illumination {
     /// `precomputed_transfer`: clusters that the finished bake is compressed into, each a few matrices that
     /// every texel of it is a sum of; 0 (it stays as it is) or 32..256.
     pub transfer_clusters: u32,
+}
+
+/// Where view rays find the light that photons bring, in method `photon_map`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize, TS, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LightGather {
+    /// In the light field, whose bands blur where it comes from.
+    #[default]
+    Field,
+    /// Once all photons are there, in the photons themselves: of those less than a texel of the field away
+    /// each by its own direction. Exact for narrow phase functions and lobes; far slower.
+    Ray,
 }
 
 /// How light is carried from its source over the grid, in method `convection_diffusion`.
@@ -932,6 +946,7 @@ impl Default for Illumination {
             photon_events: 32,
             photon_grid: 48,
             photon_bands: 0,
+            gather: LightGather::default(),
             direct_grid: 64,
             light_grid: 0.5,
             light_bands: 2,

@@ -56,6 +56,7 @@ pub fn typescript() -> String {
         scene_file::Scattering,
         scene_file::Orders,
         scene_file::Illumination,
+        scene_file::LightGather,
         scene_file::LightTransport,
         scene_file::Diffusion,
         scene_file::Method,

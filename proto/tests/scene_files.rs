@@ -111,6 +111,10 @@ fn errors_name_the_field() {
         (with(json!({"materials": {"m": {"surface": 0.5}}})), "materials.m.brdf: is missing"),
         (with(json!({"illumination": {"method": "magic"}})), "illumination.method: unknown variant `magic`"),
         (
+            with(json!({"illumination": {"gather": "eye"}})),
+            "illumination.gather: unknown variant `eye`, expected `field` or `ray`",
+        ),
+        (
             with(json!({"illumination": {"transfer_clusters": 31}})),
             "illumination.transfer_clusters: must be 0 or from 32 to 256, got 31",
         ),

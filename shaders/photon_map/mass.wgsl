@@ -3,7 +3,8 @@
 // shares of `deposit`: the quotient of the two is fluence, wherever matter begins and ends.
 
 // Cells between texel centres, one more than texels along each axis: of each eight sums, as their bits, and,
-// if it is `FACED`, for each the mean direction that it is seen from, in 127ths of 1 (x, y, z).
+// if it is `FACED`, for each the mean direction that it is seen from, in 127ths of 1 (x, y, z). Behind them, if
+// they are `PLACES_KEPT`, what counts of the extinction at each place of the lattice.
 @group(0) @binding(14) var<storage, read_write> moments: array<u32>;
 // Blocks of 2^3 cells to be added up.
 @group(0) @binding(15) var<storage, read> blocks: array<u32>;
@@ -19,6 +20,8 @@ struct Mass {
 
 // Whether it is told where matter is seen from.
 override FACED: bool = false;
+// Whether places are kept one by one, too; not if it is `FACED`.
+override PLACES_KEPT: bool = false;
 // Cells along an axis of a block, and its places; with what they are looked at through.
 const CELLS = 2u;
 const INNER = CELLS * PLACES;
@@ -67,6 +70,17 @@ fn add_up_mass(
         if found < 0.0 { counted[i] = seen_of(place, -found, step); }
     }
     workgroupBarrier();
+    if PLACES_KEPT {
+        let cells = mass.dims + 1u;
+        let lattice = PLACES * cells;
+        for (var i = lane; i < INNER_PLACES; i += LANES) {
+            let place = PLACES * first_cell + vec3u(i % INNER, i / INNER % INNER, i / (INNER * INNER));
+            if which < mass.count && all(place < lattice) {
+                let index = (place.z * lattice.y + place.y) * lattice.x + place.x;
+                moments[8u * cells.x * cells.y * cells.z + index] = bitcast<u32>(counted[i].w);
+            }
+        }
+    }
     // Of eight cells eight sums.
     let cell_in_block = vec3u(lane >> 3u & 1u, lane >> 4u & 1u, lane >> 5u);
     let upper = vec3u(lane & 1u, lane >> 1u & 1u, lane >> 2u & 1u);

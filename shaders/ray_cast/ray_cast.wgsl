@@ -12,7 +12,7 @@
 @group(0) @binding(5) var<storage, read_write> film: array<vec4f>;
 // Pairs of low and high words: cells (steps, where there is no matter in light) looked at, skipped, on
 // the ray; parts with matter;
-// view-ray segments kept, cast.
+// view-ray segments kept, cast. Behind them, where light is gathered at parts, words of photon_map/gather.wgsl.
 @group(0) @binding(6) var<storage, read_write> counters: array<atomic<u32>>;
 
 // What a pixel shows.
@@ -25,13 +25,13 @@ const ISOSURFACE = 4u;
 const SLICE = 5u;
 
 const COUNTERS = 6u;
+const MOST_PARTS = 14u;
 var<workgroup> group_counts: array<atomic<u32>, COUNTERS>;
 
 @compute @workgroup_size(8, 8)
 fn ray_cast(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
     always_zero = group.z;
-    // Eight lanes that a processor executes in step are 4 x 2 neighbours, not a row.
-    let id = 8u * group.xy + vec2u((lane & 3u) | ((lane >> 1u) & 4u), ((lane >> 2u) & 1u) | ((lane >> 3u) & 6u));
+    let id = pixel_of_lane(group.xy, lane);
     // taken, skipped, on the lattice, with matter
     var counts = vec4u(0u);
     // Invocations beyond the edge march the last pixel's ray and drop the result: a loop that no
@@ -40,8 +40,20 @@ fn ray_cast(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index
     let column = min(id.x, frame.image.x - 1u);
     let pixel = vec2u(column, frame.first_row + min(id.y, frame.row_count - 1u));
     let index = pixel.y * frame.image.x + pixel.x;
+    if GATHER {
+        part_place = place_of_pixel(pixel);
+        writes_parts = inside;
+    }
     let radiance = seen(camera_ray(vec2f(pixel) + frame.subpixel), index, inside, &counts);
-    if inside {
+    if GATHER {
+        if inside {
+            seen_parts[part_place].count = min(max(parts_met, frame.first_part) - frame.first_part, PARTS);
+            atomicMax(&counters[MOST_PARTS], parts_met);
+        }
+    }
+    // Rays are cast again for the parts behind the first ones, and nothing else.
+    let is_first_time = !GATHER || steering(frame.first_part) == 0u;
+    if inside && is_first_time {
         if steering(frame.sample_index) == 0u {
             film[index] = vec4f(radiance, 1.0);
         } else {
@@ -151,8 +163,14 @@ fn integrate(way: Way, from_t: f32, to_t: f32, counts: ptr<function, vec4u>) -> 
                     if material.surface > 0.0 || SKINS { gradient = gradient_at(x / frame.size_world + 0.5); }
                 }
                 var source = vec3f(0.0);
-                if FIELD_BANDS > 0u { source = scattered_from_field(x, w_o, albedo, material, gradient, max(part.sigma_t.x, part.sigma_t.y)); }
-                if SKINS { source *= seen_at_a_slant(w_o, albedo, material, gradient, max(part.sigma_t.x, part.sigma_t.y)); }
+                if FIELD_BANDS > 0u && !GATHER { source = scattered_from_field(x, w_o, albedo, material, gradient, max(part.sigma_t.x, part.sigma_t.y)); }
+                var at_a_slant = vec3f(1.0);
+                if SKINS { at_a_slant = seen_at_a_slant(w_o, albedo, material, gradient, max(part.sigma_t.x, part.sigma_t.y)); }
+                if GATHER {
+                    let weight = transmittance_before * transmittance * (1.0 - through);
+                    write_part(x, w_o, albedo, place.material, gradient, weight * at_a_slant);
+                }
+                source *= at_a_slant;
                 if FIELD_BANDS == 0u || DIRECT { source += scattered_radiance(x, w_o, albedo, material, gradient); }
                 if EMISSION { source += (1.0 - albedo) * emission_at(place); }
                 radiance += transmittance * (1.0 - through) * source;
@@ -168,6 +186,23 @@ fn integrate(way: Way, from_t: f32, to_t: f32, counts: ptr<function, vec4u>) -> 
     }
     radiance_before += transmittance_before * radiance;
     return vec4f(radiance_before, transmittance_before * transmittance);
+}
+
+// Whether light is gathered at parts of rays, when these are cast, instead of looked up.
+override GATHER: bool = false;
+// Of the pixel's parts: where the first is written, if any are, and how many were met.
+var<private> part_place: u32;
+var<private> writes_parts: bool;
+var<private> parts_met: u32;
+
+fn write_part(x: vec3f, w_o: vec3f, albedo: vec3f, material: u32, gradient: vec3f, weight: vec3f) {
+    let i = parts_met - frame.first_part;
+    if writes_parts && parts_met >= frame.first_part && i < PARTS {
+        let facing = surface_facing(w_o, materials[material], gradient);
+        let slot = i * frame.image.x * frame.row_count + part_place;
+        seen_parts[slot] = SeenPart(x, material, albedo, facing.w, facing.xyz, 0u, weight, 0u, vec3f(0.0), 0u);
+    }
+    parts_met++;
 }
 
 // Where a ray has got to.

@@ -45,7 +45,8 @@ struct Frame {
     sample_index: u32,
     // 1: view-ray segments may be used again.
     segments_kept: u32,
-    pad0: u32,
+    // Where light is gathered at parts of rays: the first part that is written down.
+    first_part: u32,
     // Of 64 cells of s, in two words, those in which there is matter.
     matter_cells: vec2u,
     // Smallest and largest s at which there is matter.

@@ -88,7 +88,7 @@ fn frame_of(scene: &Scene, texture: &VolumeTexture, image: [u32; 2]) -> FrameUni
         lattice_shift: 0.0,
         sample_index: 0,
         segments_kept: 0,
-        pad0: 0,
+        first_part: 0,
         matter_cells: [matter_cells as u32, (matter_cells >> 32) as u32],
         matter_range,
         value_scale: value_scale as f32,

@@ -127,6 +127,11 @@ impl Gpu {
         self.limits.max_storage_buffer_binding_size
     }
 
+    /// Longest edge of a 2D texture, texels.
+    pub(crate) fn max_texture_edge_2d(&self) -> u32 {
+        self.limits.max_texture_dimension_2d
+    }
+
     /// Longest edge of a 3D texture, texels.
     pub(crate) fn max_texture_edge_3d(&self) -> u32 {
         self.limits.max_texture_dimension_3d

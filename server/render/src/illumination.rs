@@ -16,7 +16,7 @@ use crate::error::RenderError;
 use crate::gpu::Gpu;
 use crate::image_based::{self, ImageBased};
 use crate::light_field::LightField;
-use crate::photon_map::{PhotonMap, PhotonPipelines};
+use crate::photon_map::{Gather, PhotonMap, PhotonPipelines};
 use crate::precomputed_transfer::{self, BakeStore, PrecomputedTransfer};
 use crate::stale_shares;
 use crate::view::{EnvironmentTables, LightTables, TransferFunctionTables};
@@ -141,6 +141,29 @@ impl Illumination {
         Ok(())
     }
 
+    /// Whether light that is complete is not sorted yet for rays, which are to gather it.
+    pub fn is_to_be_sorted(&self, scene: &Scene) -> bool {
+        match &self.lit {
+            Some((_, Lit::PhotonMap(map))) => self.is_complete() && map.is_to_be_sorted(scene),
+            _ => false,
+        }
+    }
+
+    /// Sorts it.
+    pub fn sort(
+        &mut self,
+        inputs: &Inputs<'_>,
+        counters: &mut BTreeMap<String, u64>,
+    ) -> Result<(), RenderError> {
+        let Some((_, Lit::PhotonMap(map))) = &mut self.lit else { return Ok(()) };
+        let sorted = map.sort(inputs, counters);
+        if sorted.is_err() {
+            self.forget();
+        }
+        self.version += 1;
+        sorted
+    }
+
     /// Another method begins. A bake takes long to have something of all light: until then the light before is
     /// shown.
     fn go_over_to(&mut self, method: Method, scene: &Scene) {
@@ -194,6 +217,14 @@ impl Illumination {
 
     pub fn field(&self) -> Option<&LightField> {
         self.lit.as_ref().and_then(|(_, lit)| lit.field())
+    }
+
+    /// What rays gather instead of looking it up in the field.
+    pub fn gather(&self) -> Option<&Gather> {
+        match &self.lit {
+            Some((_, Lit::PhotonMap(map))) => map.gather(),
+            _ => None,
+        }
     }
 
     /// What edits would make stale, once the light is complete, where the method remembers. It is read

@@ -9,6 +9,7 @@ use scene::{Background, Rendering, Scene};
 use crate::gpu::Gpu;
 use crate::light_field::LightField;
 use crate::shaders;
+use crate::uniforms;
 use crate::variants::Variants;
 use crate::volume_texture::VolumeTexture;
 
@@ -42,6 +43,8 @@ pub struct Variant {
     pub skins: bool,
     /// Whether these hold where skins are seen from; `FACED` in the shader.
     pub faced: bool,
+    /// Whether light is gathered at parts of rays; `GATHER` in the shader.
+    pub gather: bool,
     /// Whether an image lies behind the volume; `ENVIRONMENT_IMAGE` in the shader.
     pub image_behind: bool,
     /// What the scene uses.
@@ -86,6 +89,7 @@ impl Variant {
             near_parts: field.and_then(LightField::near_parts),
             skins: field.is_some_and(LightField::has_skins),
             faced: field.is_some_and(|field| field.faced),
+            gather: false,
             image_behind: matches!(scene.background, Background::Image { .. }),
             features: if scene.rendering.is_lit() { Features::of(scene) } else { Features::default() },
         }
@@ -157,6 +161,8 @@ pub struct Bindings {
     pub sampler: wgpu::Sampler,
     /// In place of view-ray segments where rays are cast whole.
     pub no_segments: wgpu::Buffer,
+    /// In place of parts of rays where light is not gathered at them.
+    pub no_parts: wgpu::Buffer,
     /// In place of a light field where there is none.
     pub no_light: wgpu::TextureView,
     /// Between texels of a light field, and of the texel that holds a place.
@@ -194,6 +200,7 @@ impl RayCaster {
             constants.push(("DIRECT", f64::from(u8::from(variant.near_parts.is_some()))));
             constants.push(("SKINS", f64::from(u8::from(variant.skins))));
             constants.push(("FACED", f64::from(u8::from(variant.faced))));
+            constants.push(("GATHER", f64::from(u8::from(variant.gather))));
             constants.push(("NEAR_PARTS", f64::from(variant.near_parts.unwrap_or(0))));
             if gpu.info().software {
                 constants.push(("MOST_NEAR_TURNS", f64::from(MOST_NEAR_TURNS_SOFTWARE)));
@@ -224,12 +231,14 @@ impl Bindings {
             min_filter: filter,
             ..wgpu::SamplerDescriptor::default()
         });
-        let no_segments = device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("no view-ray segments"),
-            size: 16,
-            usage: wgpu::BufferUsages::STORAGE,
-            mapped_at_creation: false,
-        });
+        let nothing = |label, size| {
+            let usage = wgpu::BufferUsages::STORAGE;
+            let descriptor =
+                wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false };
+            device.create_buffer(&descriptor)
+        };
+        let no_segments = nothing("no view-ray segments", 16);
+        let no_parts = nothing("no parts of rays", std::mem::size_of::<uniforms::SeenPart>() as u64);
         let no_light = device.create_texture(&wgpu::TextureDescriptor {
             label: Some("no light field"),
             size: wgpu::Extent3d::default(),
@@ -252,6 +261,7 @@ impl Bindings {
             bind_group_layout,
             sampler,
             no_segments,
+            no_parts,
             no_light: no_light.create_view(&wgpu::TextureViewDescriptor::default()),
             light_samplers,
             pipeline_layout,
@@ -259,7 +269,7 @@ impl Bindings {
     }
 }
 
-fn layout_entries(filtering: bool) -> [wgpu::BindGroupLayoutEntry; 18] {
+fn layout_entries(filtering: bool) -> [wgpu::BindGroupLayoutEntry; 19] {
     let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
         binding,
         visibility: wgpu::ShaderStages::COMPUTE,
@@ -298,6 +308,7 @@ fn layout_entries(filtering: bool) -> [wgpu::BindGroupLayoutEntry; 18] {
         entry(14, wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering)),
         entry(15, buffer(wgpu::BufferBindingType::Uniform)),
         entry(16, texture(wgpu::TextureSampleType::Float { filterable: true })),
+        entry(17, write()),
         entry(20, table()),
     ]
 }

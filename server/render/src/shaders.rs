@@ -28,6 +28,7 @@ pub const RAY_CAST: &str = parts!(
     "ray_cast/values.wgsl",
     "ray_cast/isosurface.wgsl",
     "ray_cast/segments.wgsl",
+    "photon_map/parts.wgsl",
     "ray_cast/ray_cast.wgsl",
 );
 
@@ -184,6 +185,27 @@ pub const ADD_UP_MASS: &str = parts!(
     "shared/place.wgsl",
     "photon_map/seen.wgsl",
     "photon_map/mass.wgsl"
+);
+
+/// `gather_photons`: what they bring to parts of view rays.
+pub const GATHER_PHOTONS: &str = parts!(
+    "shared/features.wgsl",
+    "shared/frame.wgsl",
+    "shared/ray.wgsl",
+    "shared/medium.wgsl",
+    "shared/phase.wgsl",
+    "shared/brdf.wgsl",
+    "photon_map/parts.wgsl",
+    "photon_map/kernel.wgsl",
+    "photon_map/gather.wgsl",
+);
+
+/// `add_gathered`.
+pub const ADD_GATHERED: &str = parts!(
+    "shared/frame.wgsl",
+    "photon_map/parts.wgsl",
+    "photon_map/kernel.wgsl",
+    "photon_map/add_gathered.wgsl",
 );
 
 /// `fill_field`.
@@ -367,6 +389,8 @@ pub const ALL: &[(&str, &str)] = &[
     ("trace_photons", TRACE_PHOTONS),
     ("take_up", TAKE_UP),
     ("add_up_mass", ADD_UP_MASS),
+    ("gather_photons", GATHER_PHOTONS),
+    ("add_gathered", ADD_GATHERED),
     ("fill_field", FILL_FIELD),
     ("march_transfer", MARCH_TRANSFER),
     ("spread_beams", SPREAD_BEAMS),

@@ -38,7 +38,7 @@ pub struct FrameUniform {
     pub lattice_shift: f32,
     pub sample_index: u32,
     pub segments_kept: u32,
-    pub pad0: u32,
+    pub first_part: u32,
     pub matter_cells: [u32; 2],
     pub matter_range: [f32; 2],
     pub value_scale: f32,
@@ -224,6 +224,34 @@ pub struct Photons {
 pub struct Mass {
     pub dims: [u32; 3],
     pub count: u32,
+}
+
+/// `SeenPart` of shaders/photon_map/parts.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct SeenPart {
+    pub x: [f32; 3],
+    pub material: u32,
+    pub albedo: [f32; 3],
+    pub surface: f32,
+    pub n: [f32; 3],
+    pub count: u32,
+    pub weight: [f32; 3],
+    pub pad0: u32,
+    pub gathered: [f32; 3],
+    pub pad1: u32,
+}
+
+/// `Gather` of shaders/photon_map/kernel.wgsl.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct Gather {
+    pub dims: [f32; 3],
+    pub places_per_cell: f32,
+    pub cells: [u32; 3],
+    pub first: u32,
 }
 
 /// `Fill` of shaders/photon_map/fill.wgsl.
@@ -513,7 +541,7 @@ pub fn layouts() -> Vec<Layout> {
                 lattice_shift,
                 sample_index,
                 segments_kept,
-                pad0,
+                first_part,
                 matter_cells,
                 matter_range,
                 value_scale,
@@ -644,6 +672,11 @@ pub fn layouts() -> Vec<Layout> {
             }
         ),
         layout!("Mass", Mass { dims, count }),
+        layout!(
+            "SeenPart",
+            SeenPart { x, material, albedo, surface, n, count, weight, pad0, gathered, pad1 }
+        ),
+        layout!("Gather", Gather { dims, places_per_cell, cells, first }),
         layout!("Fill", Fill { dims, everything, flux, turn, weight_of_mass, pad0, pad1, pad2 }),
         layout!("Mix", Mix { first_pixel, pixel_count, term_count, pad0, powers }),
         layout!(

@@ -512,6 +512,10 @@ photon_grid: number,
  */
 photon_bands: number, 
 /**
+ * `photon_map`: where view rays find the light that photons bring.
+ */
+gather: LightGather, 
+/**
  * `photon_map`, `image_based`: cells along the volume's longest edge of the grid that holds what
  * lights bring by themselves, 4..256; none smaller than half a voxel.
  */
@@ -607,6 +611,8 @@ transfer_bands: number,
  * every texel of it is a sum of; 0 (it stays as it is) or 32..256.
  */
 transfer_clusters: number, };
+
+export type LightGather = "field" | "ray";
 
 export type LightTransport = "characteristics" | "upwind" | "explicit";
 

@@ -18,7 +18,7 @@ const scene: SceneFile = {
   clip: { planes: [], shadows: true },
   background: [0, 0, 0],
   scattering: { orders: "all" },
-  illumination: { method: "local", paths_per_pixel: 256, max_error: 0, longest_path: 100000, light_layers: false, refine: false, light_grid: 0.5, light_bands: 3, transport: "characteristics", explicit_steps: 5, diffusion: "p1", heat_spread: 0.05, max_residual: 0.001, photons: 65536, photon_events: 16, photon_grid: 48, photon_bands: 3, direct_grid: 64, records: 32, record_directions: 48, record_bands: 3, record_form: "product", record_lookup: "trilinear", record_window: false, record_exchange: 0, transfer_lights: 162, transfer_grid: 32, transfer_directions: 192, transfer_photons: 262144, transfer_events: 32, transfer_bands: 3, transfer_clusters: 0 },
+  illumination: { method: "local", paths_per_pixel: 256, max_error: 0, longest_path: 100000, light_layers: false, refine: false, light_grid: 0.5, light_bands: 3, transport: "characteristics", explicit_steps: 5, diffusion: "p1", heat_spread: 0.05, max_residual: 0.001, photons: 65536, photon_events: 16, photon_grid: 48, photon_bands: 3, gather: "field", direct_grid: 64, records: 32, record_directions: 48, record_bands: 3, record_form: "product", record_lookup: "trilinear", record_window: false, record_exchange: 0, transfer_lights: 162, transfer_grid: 32, transfer_directions: 192, transfer_photons: 262144, transfer_events: 32, transfer_bands: 3, transfer_clusters: 0 },
   sampling: { step_voxels: 0.5, samples_per_pixel: 8, skip_empty: true, termination_transmittance: 0.001, interpolation: "sampler", segments: 4 },
   rendering: { mode: "volume", slice: { normal: [0, 0, 1], offset: 0 } },
   film: { exposure_stops: 0, tone_mapping: "neutral" },

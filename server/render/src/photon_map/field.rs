@@ -6,6 +6,7 @@ use std::sync::Arc;
 use scene::{Changes, Scene, Snapshot};
 
 use super::lights::{LightPhotons, flux, sphere_radius};
+use super::pipelines::MassKept;
 use crate::error::RenderError;
 use crate::gpu::{Gpu, buffer_entry, texture_entry};
 use crate::illumination::Inputs;
@@ -29,6 +30,8 @@ const REACH_TEXELS: f64 = 1.5;
 const BLOCK_EDGE: u32 = 2;
 /// Eight sums of extinction a cell, f32.
 const MOMENT_BYTES: u64 = 32;
+/// Places of the lattice in a cell between texel centres.
+const PLACES_OF_CELL: u64 = 27;
 /// Most workgroups along an axis of a dispatch.
 const MAX_GROUPS: u32 = 65_535;
 
@@ -62,6 +65,8 @@ pub(super) struct FieldOfPhotons {
     /// Of each brick: whether a light sum changed since the field was filled.
     pub touched: wgpu::Buffer,
     moments: wgpu::Buffer,
+    /// Whether behind the moments what counts of the extinction is kept place by place.
+    keeps_places: bool,
     totals: wgpu::Buffer,
     /// Of the last call of [`Self::fill`].
     weight_of_mass_filled: f32,
@@ -94,6 +99,7 @@ impl FieldOfPhotons {
             light,
             touched: gpu.buffer("touched bricks", 4 * bricks, storage)?,
             moments: gpu.buffer("extinction around texels", MOMENT_BYTES * cells, storage)?,
+            keeps_places: false,
             weight_of_mass_filled: 0.0,
             totals: gpu.buffer("light of all lights", 16 * texels * coefficients, storage)?,
             fill_uniform: gpu.buffer("fill", std::mem::size_of::<Fill>() as u64, uniform)?,
@@ -124,15 +130,51 @@ impl FieldOfPhotons {
         self.light.bytes() + self.touched.size() + self.moments.size() + self.totals.size()
     }
 
+    /// Cells between texel centres.
+    fn cells(&self) -> u32 {
+        self.light.dims.iter().map(|&n| n + 1).product()
+    }
+
+    /// Makes room for what counts of the extinction place by place, which is then added up anew, or gives it
+    /// back.
+    fn keep_places(&mut self, gpu: &Gpu, keeps: bool) -> Result<(), RenderError> {
+        if keeps == self.keeps_places {
+            return Ok(());
+        }
+        let cells = u64::from(self.cells());
+        let bytes = MOMENT_BYTES * cells + if keeps { 4 * PLACES_OF_CELL * cells } else { 0 };
+        if bytes > gpu.max_binding_bytes() {
+            return Err(RenderError::TooLarge {
+                what: format!("photons gathered on rays with {:?} texels", self.light.dims),
+                limit: format!("{} bytes a buffer; a coarser light grid needs less", gpu.max_binding_bytes()),
+            });
+        }
+        let storage =
+            wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
+        self.moments = gpu.buffer("extinction around texels", bytes, storage)?;
+        self.keeps_places = keeps;
+        self.mass_of = None;
+        Ok(())
+    }
+
+    /// What counts of the extinction at each place of the lattice, x fastest: three times as many along each
+    /// axis as cells.
+    pub fn places(&self, gpu: &Gpu) -> Result<Vec<f32>, RenderError> {
+        let cells = u64::from(self.cells());
+        let bytes = gpu.read_part(&self.moments, MOMENT_BYTES * cells, 4 * PLACES_OF_CELL * cells)?;
+        Ok(bytemuck::pod_collect_to_vec(&bytes))
+    }
+
     /// Adds up extinction around the texels where it changed; whether it did.
     pub fn bring_mass_to(&mut self, inputs: &Inputs<'_>) -> Result<bool, RenderError> {
         let scene = &inputs.snapshot.scene;
+        self.keep_places(inputs.gpu, super::is_gathered(scene))?;
         let cells = match &self.mass_of {
-            None => (0..self.moments.size() as u32 / MOMENT_BYTES as u32).collect(),
+            None => (0..self.cells()).collect(),
             Some(then) => {
                 let changes = Changes::between(&then.scene, scene);
                 if changes.volume || changes.clip {
-                    (0..self.moments.size() as u32 / MOMENT_BYTES as u32).collect()
+                    (0..self.cells()).collect()
                 } else {
                     self.cells_with(scene, changes.bins)
                 }
@@ -174,9 +216,10 @@ impl FieldOfPhotons {
                 buffer_entry(15, &list),
             ],
         });
+        let kept = if self.keeps_places { MassKept::Places } else { MassKept::Sums };
         let groups = blocks.len() as u32;
         let columns = groups.min(MAX_GROUPS);
-        gpu.dispatch(&pipelines.mass(scene.filter, false), &bind_group, [columns, groups.div_ceil(columns)]);
+        gpu.dispatch(&pipelines.mass(scene.filter, kept), &bind_group, [columns, groups.div_ceil(columns)]);
         gpu.wait()?;
         Ok(true)
     }

@@ -105,6 +105,16 @@ pub(super) enum Left {
     Everything,
 }
 
+/// An interaction as rays gather it.
+pub(super) struct Interaction {
+    /// World.
+    pub place: [f32; 3],
+    /// The way it travels when it arrives.
+    pub way: [f32; 3],
+    /// By how far it is seen, too.
+    pub throughput: [f32; 3],
+}
+
 /// Photons that are traced together.
 struct Chunk {
     first: u32,
@@ -281,6 +291,35 @@ impl LightPhotons {
             bins.extend(ends.chunks_exact(END_BYTES as usize).map(of_end));
         }
         Ok(bins)
+    }
+
+    /// Those interactions that count in the field, by photon and event.
+    pub fn each_interaction(&self, gpu: &Gpu, mut take: impl FnMut(Interaction)) -> Result<(), RenderError> {
+        for chunk in &self.chunks {
+            let read = |buffer: &wgpu::Buffer| -> Result<Vec<u32>, RenderError> {
+                Ok(bytemuck::pod_collect_to_vec(&gpu.read_buffer(buffer, buffer.size())?))
+            };
+            let ends = read(&chunk.ends)?;
+            let [places, ways, histories] =
+                [read(&chunk.places)?, read(&chunk.ways)?, read(&chunk.histories)?];
+            let slots = places.len() / 4 / chunk.count as usize;
+            for photon in 0..chunk.count as usize {
+                let count = ends[8 * photon + 4] as usize;
+                for slot in photon * slots..photon * slots + count {
+                    // Halves of its light.
+                    let seen = 0.5 * histories[8 * slot + 6] as f32;
+                    if seen > 0.0 {
+                        let number = |words: &[u32], at: usize| f32::from_bits(words[at]);
+                        let three = |words: &[u32]| [0, 1, 2].map(|axis| number(words, 4 * slot + axis));
+                        let green_and_blue = [4, 5].map(|word| seen * number(&histories, 8 * slot + word));
+                        let red = seen * number(&ways, 4 * slot + 3);
+                        let throughput = [red, green_and_blue[0], green_and_blue[1]];
+                        take(Interaction { place: three(&places), way: three(&ways), throughput });
+                    }
+                }
+            }
+        }
+        Ok(())
     }
 
     #[cfg(test)]

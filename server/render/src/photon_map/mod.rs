@@ -5,6 +5,10 @@
 #[allow(clippy::unwrap_used)]
 mod energy;
 mod field;
+mod gather;
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod gather_tests;
 mod lights;
 mod pipelines;
 pub(crate) mod stale;
@@ -16,6 +20,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
+use proto::scene_file::LightGather;
 use scene::scene::Snapshot;
 use scene::spherical::sh;
 use scene::{Light, Scene};
@@ -28,9 +33,10 @@ use crate::light_field::{self, LightField};
 use crate::tables;
 use field::FieldOfPhotons;
 pub(crate) use field::{blocks_with, reach_of};
+pub(crate) use gather::Gather;
 use lights::{InFlight, Left, LightPhotons};
-pub(crate) use pipelines::PhotonPipelines;
 pub use pipelines::PhotonTrial;
+pub(crate) use pipelines::{MassKept, PhotonPipelines};
 
 /// GPU memory of a map. The software device's is the server's own.
 const MAX_BYTES: u64 = 16 << 30;
@@ -86,6 +92,11 @@ impl Layout {
     }
 }
 
+/// Whether rays gather the photons themselves.
+fn is_gathered(scene: &Scene) -> bool {
+    scene.illumination.gather == LightGather::Ray
+}
+
 /// Bands of the field: those that were asked for, or so many that of twice scattered light hardly
 /// anything is cut off, for what is cut off rings; peaks too narrow for all are left to few. Surfaces see a
 /// cosine of light, whose bands are three.
@@ -118,6 +129,8 @@ pub(crate) struct PhotonMap {
     direct: DirectLight,
     /// By the light's identifier.
     lights: BTreeMap<String, LightPhotons>,
+    /// What rays gather of the photons, if they do: of all of them as they are, once they are complete.
+    gather: Option<Gather>,
     /// What the field was filled for: colours of lights, and how many photons share them.
     filled: Option<(Arc<Snapshot>, u64)>,
 }
@@ -133,6 +146,7 @@ impl PhotonMap {
             field: FieldOfPhotons::new(inputs.gpu, layout.dims, layout.bands)?,
             direct: DirectLight::new(inputs.direct_light.clone()),
             lights: BTreeMap::new(),
+            gather: None,
             filled: None,
         })
     }
@@ -175,6 +189,10 @@ impl PhotonMap {
             }
         }
         changed |= work.dispatches > 0;
+        changed |= self.gather.is_some() && !is_gathered(scene);
+        if changed {
+            self.gather = None;
+        }
         let traced = self.lights.values().map(LightPhotons::traced).sum();
         let recoloured = self
             .filled
@@ -182,6 +200,9 @@ impl PhotonMap {
             .is_none_or(|(then, shared)| then.scene.lights != scene.lights || *shared != traced);
         if changed || recoloured {
             self.field.fill(inputs, &self.lights, recoloured)?;
+            if let Some(gather) = &mut self.gather {
+                gather.recolour(inputs.gpu, scene, &self.lights)?;
+            }
             self.filled = Some((inputs.snapshot.clone(), traced));
         }
         let (current, total) = self.photons_current(inputs.snapshot);
@@ -194,6 +215,28 @@ impl PhotonMap {
             completeness: share(current, total).min(share(direct.done, direct.all)),
             changed: changed || recoloured || direct.changed,
         })
+    }
+
+    /// Whether rays are to gather photons that are not sorted for them.
+    pub fn is_to_be_sorted(&self, scene: &Scene) -> bool {
+        is_gathered(scene) && self.gather.is_none()
+    }
+
+    /// Sorts complete photons for rays.
+    pub fn sort(
+        &mut self,
+        inputs: &Inputs<'_>,
+        counters: &mut BTreeMap<String, u64>,
+    ) -> Result<(), RenderError> {
+        let gather = Gather::new(inputs.gpu, &inputs.snapshot.scene, &self.lights, &self.field)?;
+        counters.insert("interactions_sorted".into(), gather.count);
+        self.gather = Some(gather);
+        Ok(())
+    }
+
+    /// What rays gather, if it is not to be looked up in the field.
+    pub fn gather(&self) -> Option<&Gather> {
+        self.gather.as_ref()
     }
 
     /// Drops photons of lights that are gone, and makes room for those of new ones. Whether anything
@@ -261,7 +304,8 @@ impl PhotonMap {
 
     pub fn bytes(&self) -> u64 {
         let photons: u64 = self.lights.values().map(LightPhotons::bytes).sum();
-        self.in_flight.bytes() + self.field.bytes() + self.direct.bytes() + photons
+        let sorted = self.gather.as_ref().map_or(0, Gather::bytes);
+        self.in_flight.bytes() + self.field.bytes() + self.direct.bytes() + photons + sorted
     }
 
     /// Every buffer of a light's photons and its sums, for tests of equality.

@@ -59,6 +59,16 @@ impl Default for PhotonTrial {
     }
 }
 
+/// What is kept of the extinction beside its sums around texels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum MassKept {
+    Sums,
+    /// Where it is seen from.
+    Faced,
+    /// What counts of it at each place.
+    Places,
+}
+
 /// Compiled when first needed.
 pub struct PhotonPipelines {
     gpu: Arc<Gpu>,
@@ -69,7 +79,7 @@ pub struct PhotonPipelines {
     trial: Mutex<PhotonTrial>,
     traces: Variants<(PhotonVariant, bool)>,
     takes_up: Variants<bool>,
-    masses: Variants<(bool, bool)>,
+    masses: Variants<(bool, MassKept)>,
     fills: Variants<u32>,
     /// Reads nothing, but the modules declare it.
     pub sampler: wgpu::Sampler,
@@ -220,11 +230,15 @@ impl PhotonPipelines {
         self.takes_up.get(has_image, || self.take_up.compile(&self.gpu, &constants))
     }
 
-    /// `faced`: where matter is seen from is told, too.
-    pub fn mass(&self, filter: Filter, faced: bool) -> wgpu::ComputePipeline {
+    /// `add_up_mass`.
+    pub fn mass(&self, filter: Filter, kept: MassKept) -> wgpu::ComputePipeline {
         let nearest = filter == Filter::Nearest;
-        let constants = [("FILTER", if nearest { 2.0 } else { 1.0 }), ("FACED", f64::from(u8::from(faced)))];
-        self.masses.get((nearest, faced), || self.mass.compile(&self.gpu, &constants))
+        let constants = [
+            ("FILTER", if nearest { 2.0 } else { 1.0 }),
+            ("FACED", f64::from(u8::from(kept == MassKept::Faced))),
+            ("PLACES_KEPT", f64::from(u8::from(kept == MassKept::Places))),
+        ];
+        self.masses.get((nearest, kept), || self.mass.compile(&self.gpu, &constants))
     }
 
     pub fn fill(&self, bands: u32) -> wgpu::ComputePipeline {

@@ -35,7 +35,7 @@ pub(super) fn snapshot(volume: &Arc<PreparedVolume>, patches: &[Value], epoch: u
     Arc::new(Snapshot { epoch, scene: Scene::new(&file, volume.clone()).unwrap() })
 }
 
-const TARGET: Target = Target { width: 32, height: 32, samples_per_pixel: 1 };
+pub(super) const TARGET: Target = Target { width: 32, height: 32, samples_per_pixel: 1 };
 
 pub(super) fn draw(renderer: &mut Renderer, view: &mut View, snapshot: &Arc<Snapshot>) -> Drawn {
     let drawn = renderer.draw(view, &DrawRequest { snapshot, target: TARGET, budget: None }).unwrap();
@@ -61,7 +61,7 @@ fn from_scratch(
 }
 
 /// Whether a view holds what one would that had never seen another scene; else what differs.
-fn equal(renderer: &mut Renderer, view: &View, snapshot: &Arc<Snapshot>) -> Result<(), String> {
+pub(super) fn equal(renderer: &mut Renderer, view: &View, snapshot: &Arc<Snapshot>) -> Result<(), String> {
     let (photons, picture) = result(renderer, view);
     let (expected, expected_picture) = from_scratch(renderer, snapshot);
     if !photons.keys().eq(expected.keys()) {
@@ -198,7 +198,7 @@ fn bands_follow_phase_functions_and_surfaces() {
     assert_eq!((bands(json!({}), 4), bands(forward(0.8), 2)), (1, 2));
 }
 
-fn edits() -> Vec<(&'static str, Value)> {
+pub(super) fn edits() -> Vec<(&'static str, Value)> {
     let points = |scale: f64, red: f64| {
         json!({"transfer_function": {"points": [
             {"s": 0.1, "extinction": 0, "albedo": [0.9, 0.9, 0.9]},

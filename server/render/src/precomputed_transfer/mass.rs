@@ -9,7 +9,7 @@ use super::reach::Reach;
 use crate::error::RenderError;
 use crate::gpu::{Gpu, buffer_entry, texture_entry};
 use crate::illumination::Inputs;
-use crate::photon_map::blocks_with;
+use crate::photon_map::{MassKept, blocks_with};
 use crate::{light_field, uniforms};
 
 /// No row: as in shaders/precomputed_transfer/.
@@ -111,7 +111,11 @@ impl Mass {
         });
         let groups = blocks.len() as u32;
         let columns = groups.min(MAX_GROUPS);
-        gpu.dispatch(&pipelines.mass(scene.filter, true), &bind_group, [columns, groups.div_ceil(columns)]);
+        gpu.dispatch(
+            &pipelines.mass(scene.filter, MassKept::Faced),
+            &bind_group,
+            [columns, groups.div_ceil(columns)],
+        );
         let bytes = gpu.read_buffer(&moments, moments_bytes)?;
         Ok(Self::of_moments(dims, texels, &bytemuck::pod_collect_to_vec(&bytes)))
     }

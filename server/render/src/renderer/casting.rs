@@ -5,11 +5,14 @@ use std::time::{Duration, Instant};
 
 use scene::Scene;
 
+use super::gathering::{CastRays, PHOTONS_GATHERED};
+use super::tracing::COUNTER_BUFFER_BYTES;
 use super::{DrawRequest, Renderer};
 use crate::error::RenderError;
 use crate::frame::{frame_uniform, sample_position};
 use crate::gpu::{buffer_entry, texture_entry};
 use crate::light_field::LightField;
+use crate::photon_map::Gather;
 use crate::ray_cast::{Variant, WORKGROUP_EDGE};
 use crate::segments::Segments;
 use crate::view::{EnvironmentTables, FilmCache, TransferFunctionTables, View, ViewBuffers};
@@ -36,26 +39,33 @@ const COUNTERS: [&str; 6] = [
     "segments_reused",
     "segments_cast",
 ];
+/// The light that rays see beside that of `local`.
+pub(super) struct SeenLight<'a> {
+    pub field: Option<&'a LightField>,
+    /// What is gathered of photons, instead of looked up in the field.
+    pub gather: Option<&'a Gather>,
+}
+
 /// What every pass of the ray caster over a view reads.
 struct BoundTables<'a> {
     texture: &'a VolumeTexture,
     tables: &'a TransferFunctionTables,
     distance_map: &'a wgpu::TextureView,
     lights: &'a wgpu::Buffer,
-    field: Option<&'a LightField>,
+    light: &'a SeenLight<'a>,
     environment: Option<&'a EnvironmentTables>,
 }
 
 /// One sample per pixel: what its slices are dispatched with.
-struct SamplePass {
+pub(super) struct SamplePass {
     /// Index of the sample.
     sample: u32,
     /// Whether rays are cast in segments, which are kept.
     in_segments: bool,
     /// Whether segments kept before may serve again.
     segments_kept: bool,
-    pipeline: wgpu::ComputePipeline,
-    bind_group: wgpu::BindGroup,
+    pub pipeline: wgpu::ComputePipeline,
+    pub bind_group: wgpu::BindGroup,
 }
 
 /// Two words a counter.
@@ -67,7 +77,7 @@ impl Renderer {
     pub(super) fn cast_rays(
         &mut self,
         view: &mut View,
-        field: Option<&LightField>,
+        light: &SeenLight<'_>,
         scene: &Scene,
         request: &DrawRequest<'_>,
         began: Instant,
@@ -94,19 +104,24 @@ impl Renderer {
         else {
             return Err(RenderError::Gpu("a table of the view is missing".into()));
         };
-        self.gpu.queue.write_buffer(&buffers.counters, 0, &[0; COUNTER_BYTES as usize]);
+        self.gpu.queue.write_buffer(&buffers.counters, 0, &[0; COUNTER_BUFFER_BYTES as usize]);
         let mut uniform = frame_uniform(scene, texture, film);
         let environment = environment.as_ref().map(|(_, tables)| tables);
         let tables =
-            BoundTables { texture, tables, distance_map, lights: &lights.lights, field, environment };
+            BoundTables { texture, tables, distance_map, lights: &lights.lights, light, environment };
+        let gathered = match light.gather {
+            Some(gather) => Some(self.gathering.begin(&self.gpu, gather, scene, film.width)?),
+            None => None,
+        };
         let mut pass: Option<SamplePass> = None;
         while film.samples < request.target.samples_per_pixel {
             let current = match pass.take().filter(|pass| pass.sample == film.samples) {
                 Some(pass) => pass,
                 None => self.sample_pass(scene, &tables, buffers, film, segments)?,
             };
-            let rows =
-                slice_rows([film.width, film.height], film.rows, view.millis_per_megasample, request.budget);
+            let size = [film.width, film.height];
+            let rows = slice_rows(size, film.rows, view.millis_per_megasample, request.budget);
+            let rows = gathered.as_ref().map_or(rows, |gathered| rows.min(gathered.most_rows));
             uniform.segments_kept = u32::from(current.segments_kept);
             uniform.first_row = film.rows;
             uniform.row_count = rows;
@@ -117,6 +132,16 @@ impl Renderer {
             let slice_began = Instant::now();
             let groups = [film.width, rows].map(|pixels| pixels.div_ceil(WORKGROUP_EDGE));
             gpu.dispatch(&current.pipeline, &current.bind_group, groups);
+            if let Some(gathered) = &gathered {
+                let rays = CastRays {
+                    pass: &current,
+                    frame: &mut uniform,
+                    buffers,
+                    materials: &tables.tables.materials,
+                    groups,
+                };
+                self.gathering.gather(gpu, gathered, rays)?;
+            }
             let ends_pass = film.rows + rows >= film.height;
             // The last slice is waited for with the counters: a wait costs as much as a small picture.
             if !(ends_pass && film.samples + 1 >= request.target.samples_per_pixel) {
@@ -152,7 +177,9 @@ impl Renderer {
         let size = (film.width, film.height);
         let layer = film.in_segments.then(|| segments.begin(&self.gpu, size, film.samples, &film.snapshot));
         let layer = layer.flatten();
-        let mut variant = Variant::of(scene, tables.texture, tables.field);
+        let field = tables.light.field;
+        let mut variant = Variant::of(scene, tables.texture, field);
+        variant.gather = tables.light.gather.is_some();
         let mut changed_map = None;
         if let Some(layer) = &layer {
             variant.keep_segments = true;
@@ -162,6 +189,7 @@ impl Renderer {
         }
         let pipeline = self.ray_caster.pipeline(variant);
         let bindings = self.ray_caster.bindings(variant);
+        let parts = self.gathering.parts().filter(|_| variant.gather);
         let segments = layer.as_ref().map_or(&bindings.no_segments, |layer| &layer.buffer);
         let bind_group = self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("ray_cast"),
@@ -183,16 +211,16 @@ impl Renderer {
                 buffer_entry(10, segments),
                 texture_entry(11, changed_map.as_ref().unwrap_or(tables.distance_map)),
                 texture_entry(12, tables.texture.quads.as_ref().unwrap_or(&tables.texture.view)),
-                texture_entry(13, tables.field.map_or(&bindings.no_light, |field| &field.view)),
+                texture_entry(13, field.map_or(&bindings.no_light, |field| &field.view)),
                 wgpu::BindGroupEntry {
                     binding: 14,
                     resource: wgpu::BindingResource::Sampler(
-                        &bindings.light_samplers
-                            [usize::from(tables.field.is_some_and(|field| field.nearest))],
+                        &bindings.light_samplers[usize::from(field.is_some_and(|field| field.nearest))],
                     ),
                 },
-                buffer_entry(15, tables.field.map_or(&buffers.frame, |field| &field.uniform)),
-                texture_entry(16, tables.field.and_then(LightField::direct).unwrap_or(&bindings.no_light)),
+                buffer_entry(15, field.map_or(&buffers.frame, |field| &field.uniform)),
+                texture_entry(16, field.and_then(LightField::direct).unwrap_or(&bindings.no_light)),
+                buffer_entry(17, parts.unwrap_or(&bindings.no_parts)),
                 texture_entry(
                     20,
                     tables.environment.map_or(&tables.tables.points, |image| {
@@ -213,11 +241,16 @@ impl Renderer {
     pub(super) fn read_counters(
         &self,
         view: &View,
+        gathers: bool,
         counters: &mut BTreeMap<String, u64>,
     ) -> Result<(), RenderError> {
         let Some(buffers) = &view.buffers else { return Ok(()) };
         let bytes = self.gpu.read_buffer(&buffers.counters, COUNTER_BYTES)?;
         name_counters(&COUNTERS, &bytes, counters);
+        if gathers {
+            let bytes = self.gpu.read_part(&buffers.counters, PHOTONS_GATHERED, 8)?;
+            name_counters(&["photons_gathered"], &bytes, counters);
+        }
         Ok(())
     }
 }

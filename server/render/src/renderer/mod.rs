@@ -1,6 +1,7 @@
 //! Draws snapshots into views, slice by slice, as the plan says.
 
 mod casting;
+mod gathering;
 mod layers;
 mod refining;
 mod tracing;
@@ -59,6 +60,7 @@ pub struct Renderer {
     pub(crate) photon_pipelines: Arc<PhotonPipelines>,
     pub(crate) record_passes: Arc<image_based::Passes>,
     pub(crate) direct_light: Arc<direct_light::Passes>,
+    gathering: gathering::Pipelines,
     tone_mapper: ToneMapper,
     refining: refining::Pipelines,
     convection_diffusion: convection_diffusion::Pipelines,
@@ -231,6 +233,7 @@ impl Renderer {
         let direct_light = Arc::new(direct_light::Passes::new(gpu.clone()));
         let photon_pipelines = Arc::new(PhotonPipelines::new(gpu.clone()));
         let transfer_pipelines = precomputed_transfer::Pipelines::new(gpu.clone());
+        let gathering = gathering::Pipelines::new(&gpu)?;
         let tone_mapper = ToneMapper::new(gpu.clone())?;
         let refining = refining::Pipelines::new(&gpu);
         gpu.take_error()?;
@@ -246,6 +249,7 @@ impl Renderer {
             bakes: None,
             record_passes,
             direct_light,
+            gathering,
             tone_mapper,
             refining,
         })
@@ -331,6 +335,12 @@ impl Renderer {
                 light.advance(&inputs, deadline, &mut counters)
             })?;
             stages.on_device("illuminate", self.gpu.take_device_millis());
+            if light.is_to_be_sorted(scene) {
+                stages.time("sort_photons", || {
+                    let inputs = self.inputs(view, snapshot)?;
+                    light.sort(&inputs, &mut counters)
+                })?;
+            }
         }
         let light_is_complete = !scene.has_light_field() || light.is_complete();
         self.bring_film_to(view, snapshot, request.target, &plan, light.version())?;
@@ -340,11 +350,12 @@ impl Renderer {
             let target = Target { samples_per_pixel, ..request.target };
             let request = &DrawRequest { target, ..*request };
             let field = light.field().filter(|_| scene.has_light_field());
+            let light = casting::SeenLight { field, gather: light.gather().filter(|_| field.is_some()) };
             let rays_began = Instant::now();
             stages.time("ray_cast", || {
-                self.cast_rays(view, field, scene, request, began)?;
+                self.cast_rays(view, &light, scene, request, began)?;
                 // Waits for the last slice, too: if that failed, so did the film.
-                let finished = self.read_counters(view, &mut counters);
+                let finished = self.read_counters(view, light.gather.is_some(), &mut counters);
                 if finished.is_err() {
                     view.film = None;
                 }
