@@ -876,8 +876,8 @@ pub enum LightGather {
     /// In the light field, whose bands blur where it comes from.
     #[default]
     Field,
-    /// Once all photons are there, in the photons themselves: of those less than a texel of the field away
-    /// each by its own direction. Exact for narrow phase functions and lobes; far slower.
+    /// Once all photons are there, in the photons themselves: of those about a texel of the field away each
+    /// by its own direction. Exact for narrow phase functions and lobes; slower, the more photons there are.
     Ray,
 }
 

@@ -296,21 +296,21 @@ impl LightPhotons {
     /// Those interactions that count in the field, by photon and event.
     pub fn each_interaction(&self, gpu: &Gpu, mut take: impl FnMut(Interaction)) -> Result<(), RenderError> {
         for chunk in &self.chunks {
-            let read = |buffer: &wgpu::Buffer| -> Result<Vec<u32>, RenderError> {
-                Ok(bytemuck::pod_collect_to_vec(&gpu.read_buffer(buffer, buffer.size())?))
-            };
+            let read = |buffer: &wgpu::Buffer| gpu.read_buffer(buffer, buffer.size());
+            let word =
+                |bytes: &[u8], at: usize| bytemuck::pod_read_unaligned::<u32>(&bytes[4 * at..4 * at + 4]);
             let ends = read(&chunk.ends)?;
             let [places, ways, histories] =
                 [read(&chunk.places)?, read(&chunk.ways)?, read(&chunk.histories)?];
-            let slots = places.len() / 4 / chunk.count as usize;
+            let slots = places.len() / INTERACTION_BYTES[0] as usize / chunk.count as usize;
             for photon in 0..chunk.count as usize {
-                let count = ends[8 * photon + 4] as usize;
+                let count = word(&ends, 8 * photon + 4) as usize;
                 for slot in photon * slots..photon * slots + count {
                     // Halves of its light.
-                    let seen = 0.5 * histories[8 * slot + 6] as f32;
+                    let seen = 0.5 * word(&histories, 8 * slot + 6) as f32;
                     if seen > 0.0 {
-                        let number = |words: &[u32], at: usize| f32::from_bits(words[at]);
-                        let three = |words: &[u32]| [0, 1, 2].map(|axis| number(words, 4 * slot + axis));
+                        let number = |bytes: &[u8], at: usize| f32::from_bits(word(bytes, at));
+                        let three = |bytes: &[u8]| [0, 1, 2].map(|axis| number(bytes, 4 * slot + axis));
                         let green_and_blue = [4, 5].map(|word| seen * number(&histories, 8 * slot + word));
                         let red = seen * number(&ways, 4 * slot + 3);
                         let throughput = [red, green_and_blue[0], green_and_blue[1]];

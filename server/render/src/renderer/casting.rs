@@ -39,6 +39,7 @@ const COUNTERS: [&str; 6] = [
     "segments_reused",
     "segments_cast",
 ];
+
 /// The light that rays see beside that of `local`.
 pub(super) struct SeenLight<'a> {
     pub field: Option<&'a LightField>,
