@@ -187,6 +187,23 @@ pub const ADD_UP_MASS: &str = parts!(
     "photon_map/mass.wgsl"
 );
 
+/// `pack_interactions`: what of them rays gather.
+pub const PACK_INTERACTIONS: &str = parts!(
+    "shared/features.wgsl",
+    "shared/frame.wgsl",
+    "shared/ray.wgsl",
+    "shared/medium.wgsl",
+    "shared/phase.wgsl",
+    "shared/brdf.wgsl",
+    "shared/random.wgsl",
+    "shared/place.wgsl",
+    "shared/path.wgsl",
+    "shared/scatter.wgsl",
+    "shared/tracking.wgsl",
+    "photon_map/history.wgsl",
+    "photon_map/pack.wgsl",
+);
+
 /// `gather_photons`: what they bring to parts of view rays.
 pub const GATHER_PHOTONS: &str = parts!(
     "shared/features.wgsl",
@@ -389,6 +406,7 @@ pub const ALL: &[(&str, &str)] = &[
     ("trace_photons", TRACE_PHOTONS),
     ("take_up", TAKE_UP),
     ("add_up_mass", ADD_UP_MASS),
+    ("pack_interactions", PACK_INTERACTIONS),
     ("gather_photons", GATHER_PHOTONS),
     ("add_gathered", ADD_GATHERED),
     ("fill_field", FILL_FIELD),

@@ -3,13 +3,13 @@
 
 use std::collections::BTreeMap;
 
-use half::f16;
 use scene::Scene;
 
 use super::field::FieldOfPhotons;
 use super::lights::{Interaction, LightPhotons, flux, sphere_radius};
 use crate::error::RenderError;
 use crate::gpu::Gpu;
+use crate::illumination::Inputs;
 use crate::light_field::LightField;
 use crate::uniforms;
 
@@ -19,13 +19,12 @@ const PLACES: u32 = 3;
 const TENT: [f32; 5] = [1.0 / 3.0, 2.0 / 3.0, 1.0, 2.0 / 3.0, 1.0 / 3.0];
 /// Interactions in a row of their texture, two texels each.
 const ROW: usize = 4096;
-const INTERACTION_BYTES: usize = 32;
 /// Cells that interactions are sorted by: where there are more places, a cell is of several along each axis.
 const MOST_CELLS: u64 = 16 << 20;
 
 /// What rays gather of a photon map that is complete.
 pub(crate) struct Gather {
-    /// Row by row, two texels each.
+    /// Row by row, two texels each: place in the lattice and way; throughput as half floats, and the light.
     pub interactions: wgpu::TextureView,
     pub cell_starts: wgpu::TextureView,
     /// Flux of a photon of each light.
@@ -45,13 +44,13 @@ impl Gather {
     /// # Errors
     /// Out of memory; too many of them for the device.
     pub(super) fn new(
-        gpu: &Gpu,
-        scene: &Scene,
+        inputs: &Inputs<'_>,
         lights: &BTreeMap<String, LightPhotons>,
         field: &FieldOfPhotons,
     ) -> Result<Self, RenderError> {
+        let (gpu, scene) = (inputs.gpu, &inputs.snapshot.scene);
         let grid = Grid::of(&field.light, scene);
-        let sorted = grid.sort(gpu, lights)?;
+        let sorted = grid.sort(inputs, lights)?;
         let rows = sorted.interactions.len().div_ceil(ROW).max(1);
         if rows as u64 > u64::from(gpu.max_texture_edge_2d()) {
             return Err(RenderError::TooLarge {
@@ -60,7 +59,7 @@ impl Gather {
             });
         }
         let mut interactions = sorted.interactions;
-        interactions.resize(rows * ROW, [0; INTERACTION_BYTES / 4]);
+        interactions.resize(rows * ROW, Interaction::default());
         let size = wgpu::Extent3d { width: 2 * ROW as u32, height: rows as u32, depth_or_array_layers: 1 };
         let texture = |label: &str, size, dimension, format, bytes: &[u8]| {
             gpu.filled_texture(label, size, dimension, format, bytes)
@@ -71,7 +70,7 @@ impl Gather {
         let around = grid.extinction_around(&field.places(gpu)?);
         let [width, height, depth] = grid.lattice;
         let around_size = wgpu::Extent3d { width, height, depth_or_array_layers: depth };
-        let bytes = interactions.len() * INTERACTION_BYTES + 4 * (sorted.starts.len() + around.len());
+        let bytes = std::mem::size_of_val(interactions.as_slice()) + 4 * (sorted.starts.len() + around.len());
         Ok(Self {
             interactions: texture(
                 "interactions",
@@ -154,7 +153,7 @@ struct Grid {
 }
 
 struct Sorted {
-    interactions: Vec<[u32; INTERACTION_BYTES / 4]>,
+    interactions: Vec<Interaction>,
     /// Of each row of cells along x one more than there are cells.
     starts: Vec<u32>,
     count: u64,
@@ -180,21 +179,28 @@ impl Grid {
     }
 
     /// By cell; within a cell by light, photon and event, so that sums do not depend on what was before.
-    fn sort(&self, gpu: &Gpu, lights: &BTreeMap<String, LightPhotons>) -> Result<Sorted, RenderError> {
+    fn sort(
+        &self,
+        inputs: &Inputs<'_>,
+        lights: &BTreeMap<String, LightPhotons>,
+    ) -> Result<Sorted, RenderError> {
         let [width, height, depth] = self.cells.map(|n| n as usize);
-        let mut found: Vec<(u32, [u32; INTERACTION_BYTES / 4])> = Vec::new();
+        let mut found: Vec<(u32, Interaction)> = Vec::new();
         // Behind each cell how many are in it.
         let mut starts = vec![0_u32; (width + 1) * height * depth];
         for (slot, photons) in lights.values().enumerate() {
-            photons.each_interaction(gpu, |interaction| {
-                let place = [0, 1, 2].map(|k| interaction.place[k] * self.scale[k] + self.offset[k]);
+            photons.each_interaction(inputs.gpu, inputs.photon_pipelines, |mut interaction| {
+                let place =
+                    [0, 1, 2].map(|k| f32::from_bits(interaction[k]) * self.scale[k] + self.offset[k]);
                 let cell = [0, 1, 2].map(|k| {
                     let cell = (place[k] / self.places_per_cell as f32).max(0.0) as usize;
                     cell.min(self.cells[k] as usize - 1)
                 });
                 let index = (cell[2] * height + cell[1]) * (width + 1) + cell[0];
                 starts[index + 1] += 1;
-                found.push((index as u32, record(place, &interaction, slot as u32)));
+                interaction[..3].copy_from_slice(&place.map(f32::to_bits));
+                interaction[7] |= (slot as u32) << 16;
+                found.push((index as u32, interaction));
             })?;
         }
         let mut sum = 0;
@@ -203,7 +209,7 @@ impl Grid {
             *start = sum;
         }
         let mut next = starts.clone();
-        let mut interactions = vec![[0; INTERACTION_BYTES / 4]; found.len()];
+        let mut interactions = vec![Interaction::default(); found.len()];
         for (cell, record) in &found {
             let place = &mut next[*cell as usize];
             interactions[*place as usize] = *record;
@@ -233,14 +239,4 @@ impl Grid {
         }
         values
     }
-}
-
-/// Place in the lattice and way; throughput as half floats, and the light.
-fn record(place: [f32; 3], interaction: &Interaction, light: u32) -> [u32; INTERACTION_BYTES / 4] {
-    let bits = |value: f32| value.to_bits();
-    let half = |value: f32| u32::from(f16::from_f32(value.min(f16::MAX.to_f32())).to_bits());
-    let [x, y, z] = place.map(bits);
-    let [along_x, along_y, along_z] = interaction.way.map(bits);
-    let [red, green, blue] = interaction.throughput.map(half);
-    [x, y, z, along_x, along_y, along_z, red | green << 16, blue | light << 16]
 }

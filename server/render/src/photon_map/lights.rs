@@ -9,7 +9,7 @@ use scene::light::{Light, LightGeometry};
 use scene::{Scene, Snapshot};
 
 use super::field::FieldOfPhotons;
-use super::pipelines::PhotonVariant;
+use super::pipelines::{PhotonPipelines, PhotonVariant};
 use super::stale::Query;
 use super::{Layout, Turn, Work};
 use crate::error::RenderError;
@@ -105,15 +105,8 @@ pub(super) enum Left {
     Everything,
 }
 
-/// An interaction as rays gather it.
-pub(super) struct Interaction {
-    /// World.
-    pub place: [f32; 3],
-    /// The way it travels when it arrives.
-    pub way: [f32; 3],
-    /// By how far it is seen, too.
-    pub throughput: [f32; 3],
-}
+/// An interaction as rays gather it: place (world) and way as floats, throughput as half floats.
+pub(super) type Interaction = [u32; 8];
 
 /// Photons that are traced together.
 struct Chunk {
@@ -294,29 +287,45 @@ impl LightPhotons {
     }
 
     /// Those interactions that count in the field, by photon and event.
-    pub fn each_interaction(&self, gpu: &Gpu, mut take: impl FnMut(Interaction)) -> Result<(), RenderError> {
+    pub fn each_interaction(
+        &self,
+        gpu: &Gpu,
+        pipelines: &PhotonPipelines,
+        mut take: impl FnMut(Interaction),
+    ) -> Result<(), RenderError> {
+        let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
+        let size_of = std::mem::size_of::<Interaction>() as u64;
+        let most = self.chunks.iter().map(|chunk| u64::from(chunk.count) * chunk.slots()).max().unwrap_or(0);
+        let packed = gpu.buffer("interactions", most * size_of, storage)?;
         for chunk in &self.chunks {
-            let read = |buffer: &wgpu::Buffer| gpu.read_buffer(buffer, buffer.size());
-            let word =
-                |bytes: &[u8], at: usize| bytemuck::pod_read_unaligned::<u32>(&bytes[4 * at..4 * at + 4]);
-            let ends = read(&chunk.ends)?;
-            let [places, ways, histories] =
-                [read(&chunk.places)?, read(&chunk.ways)?, read(&chunk.histories)?];
-            let slots = places.len() / INTERACTION_BYTES[0] as usize / chunk.count as usize;
-            for photon in 0..chunk.count as usize {
-                let count = word(&ends, 8 * photon + 4) as usize;
-                for slot in photon * slots..photon * slots + count {
-                    // Halves of its light.
-                    let seen = 0.5 * word(&histories, 8 * slot + 6) as f32;
-                    if seen > 0.0 {
-                        let number = |bytes: &[u8], at: usize| f32::from_bits(word(bytes, at));
-                        let three = |bytes: &[u8]| [0, 1, 2].map(|axis| number(bytes, 4 * slot + axis));
-                        let green_and_blue = [4, 5].map(|word| seen * number(&histories, 8 * slot + word));
-                        let red = seen * number(&ways, 4 * slot + 3);
-                        let throughput = [red, green_and_blue[0], green_and_blue[1]];
-                        take(Interaction { place: three(&places), way: three(&ways), throughput });
-                    }
-                }
+            let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+            let uniform = gpu.buffer("photons", std::mem::size_of::<Photons>() as u64, usage)?;
+            let contents = Photons { count: chunk.count, slots: chunk.slots() as u32, ..Photons::default() };
+            gpu.queue.write_buffer(&uniform, 0, bytemuck::bytes_of(&contents));
+            let runs = gpu.buffer("interactions of photons", 4 + 8 * u64::from(chunk.count), storage)?;
+            let bind_group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+                label: Some("pack_interactions"),
+                layout: pipelines.pack_layout(),
+                entries: &[
+                    buffer_entry(13, &uniform),
+                    buffer_entry(14, &chunk.places),
+                    buffer_entry(15, &chunk.ways),
+                    buffer_entry(16, &chunk.histories),
+                    buffer_entry(17, &chunk.ends),
+                    buffer_entry(18, &runs),
+                    buffer_entry(19, &packed),
+                ],
+            });
+            gpu.dispatch(&pipelines.pack(), &bind_group, [chunk.count.div_ceil(WORKGROUP), 1]);
+            let runs: Vec<u32> = bytemuck::pod_collect_to_vec(&gpu.read_buffer(&runs, runs.size())?);
+            let [all, runs @ ..] = runs.as_slice() else { continue };
+            let bytes = gpu.read_buffer(&packed, (u64::from(*all) * size_of).max(4))?;
+            for run in runs.chunks_exact(2) {
+                let range = run[0] as usize..(run[0] + run[1]) as usize;
+                range.for_each(|at| {
+                    let from = at * size_of as usize;
+                    take(bytemuck::pod_read_unaligned(&bytes[from..from + size_of as usize]));
+                });
             }
         }
         Ok(())
@@ -327,7 +336,7 @@ impl LightPhotons {
         let mut contents = vec![gpu.read_buffer(&self.sums, self.sums.size())?];
         for chunk in &self.chunks {
             let ends = gpu.read_buffer(&chunk.ends, chunk.ends.size())?;
-            let slots = chunk.places.size() / INTERACTION_BYTES[0] / u64::from(chunk.count);
+            let slots = chunk.slots();
             let counts: Vec<usize> = ends
                 .chunks_exact(END_BYTES as usize)
                 .map(|end| u32::from_le_bytes([end[16], end[17], end[18], end[19]]) as usize)
@@ -357,6 +366,11 @@ struct Begin {
 }
 
 impl Chunk {
+    /// Most interactions of a photon.
+    fn slots(&self) -> u64 {
+        self.places.size() / INTERACTION_BYTES[0] / u64::from(self.count)
+    }
+
     /// What changed since any of the scenes its photons were traced for.
     fn query(&self, scene: &Scene, light: &Light) -> Query {
         if self.bases.is_empty() || self.bases.len() > MAX_BASES {

@@ -228,7 +228,7 @@ impl PhotonMap {
         inputs: &Inputs<'_>,
         counters: &mut BTreeMap<String, u64>,
     ) -> Result<(), RenderError> {
-        let gather = Gather::new(inputs.gpu, &inputs.snapshot.scene, &self.lights, &self.field)?;
+        let gather = Gather::new(inputs, &self.lights, &self.field)?;
         counters.insert("interactions_sorted".into(), gather.count);
         self.gather = Some(gather);
         Ok(())

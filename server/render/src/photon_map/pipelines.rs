@@ -76,11 +76,13 @@ pub struct PhotonPipelines {
     take_up: Module,
     mass: Module,
     fill: Module,
+    pack: Module,
     trial: Mutex<PhotonTrial>,
     traces: Variants<(PhotonVariant, bool)>,
     takes_up: Variants<bool>,
     masses: Variants<(bool, MassKept)>,
     fills: Variants<u32>,
+    packs: Variants<()>,
     /// Reads nothing, but the modules declare it.
     pub sampler: wgpu::Sampler,
 }
@@ -190,16 +192,19 @@ impl PhotonPipelines {
         let mut mass = vec![Uniform(13), Write(14), Read(15)];
         mass.extend([Uniform(0), Table(1), Table(2), Volume(7), Sampler(8), Cells(9)]);
         let fill = [Uniform(0), Read(1), Read(2), Read(3), Field(5), Write(9)];
+        let pack = [Uniform(13), Write(14), Write(15), Write(16), Write(17), Write(18), Write(19)];
         Self {
             trace: Module::new(&gpu, "trace_photons", trace_source, &trace),
             take_up: Module::new(&gpu, "take_up", take_up_source, &take_up),
             mass: Module::new(&gpu, "add_up_mass", shaders::ADD_UP_MASS.into(), &mass),
             fill: Module::new(&gpu, "fill_field", shaders::FILL_FIELD.into(), &fill),
+            pack: Module::new(&gpu, "pack_interactions", shaders::PACK_INTERACTIONS.into(), &pack),
             trial: Mutex::default(),
             traces: Variants::default(),
             takes_up: Variants::default(),
             masses: Variants::default(),
             fills: Variants::default(),
+            packs: Variants::default(),
             sampler: gpu.device.create_sampler(&wgpu::SamplerDescriptor::default()),
             gpu,
         }
@@ -243,6 +248,14 @@ impl PhotonPipelines {
 
     pub fn fill(&self, bands: u32) -> wgpu::ComputePipeline {
         self.fills.get(bands, || self.fill.compile(&self.gpu, &[("BANDS", f64::from(bands))]))
+    }
+
+    pub fn pack(&self) -> wgpu::ComputePipeline {
+        self.packs.get((), || self.pack.compile(&self.gpu, &[]))
+    }
+
+    pub fn pack_layout(&self) -> &wgpu::BindGroupLayout {
+        &self.pack.bind_group_layout
     }
 
     pub fn trace_layout(&self) -> &wgpu::BindGroupLayout {
