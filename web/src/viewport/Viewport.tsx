@@ -11,9 +11,9 @@ import { ClipHandles } from "../quality/ClipHandles";
 import { session } from "../session/engine";
 import { isWatching, pictureState, useSession } from "../session/store";
 import { currentCamera, resetView, startUp, toggleFullScreen, toggleProjection } from "./actions";
-import { BakeMark } from "./BakeMark";
 import { EdgeLetters } from "./EdgeLetters";
 import { attachGestures } from "./gestures";
+import { LightMark } from "./LightMark";
 import { OrientationCube } from "./OrientationCube";
 import { Presenter } from "./presenter";
 import { ProbeLayer } from "./ProbeLayer";
@@ -69,7 +69,7 @@ export function Viewport() {
       {!watching && <ClipHandles viewport={size} />}
       {!watching && <LightGizmo viewport={size} />}
       <LoadingMark />
-      <BakeMark />
+      <LightMark />
       <EdgeLetters />
       <OrientationCube />
       <Scale viewportHeight={size.height} />
