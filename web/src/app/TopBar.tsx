@@ -106,9 +106,10 @@ function DatasetSelect() {
 function chooseAndSay(method: Method): void {
   const { scene } = useSession.getState();
   if (!scene) return;
-  const { patch, tookPicture } = chooseMethod(scene, method, (image) => meanRadiance(useEnvironments.getState().list, image));
+  const { patch, tookPicture, switchedOff } = chooseMethod(scene, method, (image) => meanRadiance(useEnvironments.getState().list, image));
   session.edit(patch);
   if (tookPicture) saySideEffect("method", `${labelOf(method)} takes no environment picture: that light is uniform now.`, (now) => now.illumination.method === method && pictureOfScene(now) === null);
+  if (switchedOff > 0) saySideEffect("method", `${labelOf(method)} takes light from far away only: ${switchedOff === 1 ? "one light is" : `${switchedOff} lights are`} off now.`, (now) => now.illumination.method === method);
 }
 
 function MethodSelect() {

@@ -16,6 +16,8 @@ export type EnvironmentLight = Extract<Light, { type: "environment" }>;
 /** Methods that refuse pictures, and the one that draws them instead. */
 const WITHOUT_PICTURES: readonly Method[] = ["local"];
 const WITH_PICTURES: Method = "path_traced";
+/** Methods that refuse lights with a place: they take what shines from infinity. */
+const OF_DISTANT_LIGHT: readonly Method[] = ["precomputed_transfer"];
 
 /** Radiance in place of a picture whose own is not known: it is gone, or the list has not arrived. */
 const UNKNOWN_RADIANCE: Triple = [0.5, 0.5, 0.5];
@@ -55,12 +57,20 @@ export function choosePicture({ illumination, lights }: Lit, index: number, imag
   return { switched, patch: { lights: chosen, ...(switched ? { illumination: { method: WITH_PICTURES } } : {}) } };
 }
 
-/** Another method; one that refuses pictures takes them off the lights in the same edit. */
-export function chooseMethod(scene: Lit, method: Method, mean: (image: string | undefined) => Triple): { patch: Patch; tookPicture: boolean } {
+const refuses = (method: Method, { type, enabled }: Light): boolean =>
+  enabled && OF_DISTANT_LIGHT.includes(method) && type !== "directional" && type !== "environment";
+
+/** Another method. In the same edit one that refuses pictures takes them off the lights, and lights that it refuses are switched off. */
+export function chooseMethod(scene: Lit, method: Method, mean: (image: string | undefined) => Triple): { patch: Patch; tookPicture: boolean; switchedOff: number } {
   const illumination = { method };
-  if (takesPictures(method) || pictureOfScene(scene) === null) return { patch: { illumination }, tookPicture: false };
-  const lights = withIds(scene.lights).map((light) => (light.type === "environment" ? withoutPicture(light, mean(light.image)) : light));
-  return { patch: { illumination, lights }, tookPicture: true };
+  const tookPicture = !takesPictures(method) && pictureOfScene(scene) !== null;
+  const switchedOff = scene.lights.filter((light) => refuses(method, light)).length;
+  if (!tookPicture && switchedOff === 0) return { patch: { illumination }, tookPicture, switchedOff };
+  const lights = withIds(scene.lights).map((light) => {
+    if (refuses(method, light)) return { ...light, enabled: false };
+    return tookPicture && light.type === "environment" ? withoutPicture(light, mean(light.image)) : light;
+  });
+  return { patch: { illumination, lights }, tookPicture, switchedOff };
 }
 
 /** Degrees brought to -180 (left out) to 180. */

@@ -14,9 +14,9 @@ export interface MethodChoice {
 export const methodChoices: readonly MethodChoice[] = [
   { method: "local", label: "Local", gives: "No shadows, instant", paper: "Shading by gradient and phase function" },
   { method: "convection_diffusion", label: "Convection-diffusion", gives: "Soft shadows and scattering on a grid", paper: "Zhang and Ma, Fast Global Illumination for Interactive Volume Visualization, 2013" },
-  { method: "image_based", label: "Image-based", gives: "Environment light, single scattering", paper: "Delalandre, Gautron and Marvie, Real-Time Image-Based Volume Lighting, 2013" },
+  { method: "image_based", label: "Image-based", gives: "Shadows of every light, single scattering", paper: "Delalandre, Gautron and Marvie, Real-Time Image-Based Volume Lighting, 2013" },
   { method: "photon_map", label: "Photon map", gives: "Everything; follows edits", paper: "Jönsson, Kronander, Ropinski and Ynnerman, Historygrams, 2012" },
-  { method: "precomputed_transfer", label: "Precomputed", gives: "Bake once, then light is free", paper: "Zhang, Dong and Ma, Precomputed Photon Mapping in Dynamic Lighting Environments, 2013" },
+  { method: "precomputed_transfer", label: "Precomputed", gives: "Bake once, then sun and sky are free", paper: "Zhang, Dong and Ma, Precomputed Photon Mapping in Dynamic Lighting Environments, 2013" },
   { method: "path_traced", label: "Path traced", gives: "The truth, in time", paper: "Unbiased path tracing" },
 ];
 
