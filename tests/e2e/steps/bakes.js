@@ -103,7 +103,7 @@ export function bakeSteps() {
     await visitor.picture();
     await visitor.at("method-select").click();
     await visitor.at("method-precomputed_transfer").click();
-    assert.match(await visitor.at("method-side-effect").innerText(), /far away only: one light is off now/);
+    assert.match(await visitor.at("method-side-effect").innerText(), /distant light only: one light is off now/);
     await visitor.picture();
     const { lights, illumination } = await world.server.json("GET", scene);
     assert.deepEqual([illumination.method, ...lights.map(({ enabled }) => enabled)], ["precomputed_transfer", true, false]);

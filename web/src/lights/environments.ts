@@ -7,6 +7,7 @@
  */
 
 import type { Camera, Environment, Light, Method, SceneFile } from "../generated/proto";
+import { isDistant, OF_DISTANT_LIGHT } from "../quality/methods";
 import type { Patch } from "../scene/mergePatch";
 import { rounded, scale, sub, type Triple } from "../scene/vec";
 import { withIds } from "./lights";
@@ -16,8 +17,6 @@ export type EnvironmentLight = Extract<Light, { type: "environment" }>;
 /** Methods that refuse pictures, and the one that draws them instead. */
 const WITHOUT_PICTURES: readonly Method[] = ["local"];
 const WITH_PICTURES: Method = "path_traced";
-/** Methods that refuse lights with a place: they take what shines from infinity. */
-const OF_DISTANT_LIGHT: readonly Method[] = ["precomputed_transfer"];
 
 /** Radiance in place of a picture whose own is not known: it is gone, or the list has not arrived. */
 const UNKNOWN_RADIANCE: Triple = [0.5, 0.5, 0.5];
@@ -57,8 +56,7 @@ export function choosePicture({ illumination, lights }: Lit, index: number, imag
   return { switched, patch: { lights: chosen, ...(switched ? { illumination: { method: WITH_PICTURES } } : {}) } };
 }
 
-const refuses = (method: Method, { type, enabled }: Light): boolean =>
-  enabled && OF_DISTANT_LIGHT.includes(method) && type !== "directional" && type !== "environment";
+const refuses = (method: Method, light: Light): boolean => light.enabled && method === OF_DISTANT_LIGHT && !isDistant(light);
 
 /** Another method. In the same edit one that refuses pictures takes them off the lights, and lights that it refuses are switched off. */
 export function chooseMethod(scene: Lit, method: Method, mean: (image: string | undefined) => Triple): { patch: Patch; tookPicture: boolean; switchedOff: number } {

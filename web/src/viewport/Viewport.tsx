@@ -68,9 +68,9 @@ export function Viewport() {
       <WindowReadout />
       {!watching && <ClipHandles viewport={size} />}
       {!watching && <LightGizmo viewport={size} />}
+      <EdgeLetters />
       <LoadingMark />
       <LightMark />
-      <EdgeLetters />
       <OrientationCube />
       <Scale viewportHeight={size.height} />
       <ViewTools />
