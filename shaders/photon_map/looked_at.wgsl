@@ -10,6 +10,33 @@ fn may_be_hidden(x: vec3f, dims: vec3u) -> bool {
     return bound_at(macrocell) * reach_of(lattice_step(dims)) > SEEN_FROM;
 }
 
+// What comes next for light at rest.
+struct Look {
+    // It is looked at along a way, or another.
+    goes_on: bool,
+    // What is seen of it is known.
+    is_settled: bool,
+}
+
+// First it is looked at along a way, then from the other side: of a skin one is open. `rests`: at x, where it may be
+// hidden if `asks`; `returns`: from a way that it was looked at along, which was open or not.
+fn look(path: ptr<function, Path>, photon: vec2u, x: vec3f, rests: bool, asks: bool, returns: bool, is_open: bool, dims: vec3u) -> Look {
+    let is_asked = rests && asks && may_be_hidden(x, dims);
+    let is_turned = returns && (*path).weight.x == FIRST_WAY;
+    if is_asked {
+        (*path).direction = way_to_neighbour(unit4(draw(path, photon)), dims);
+        (*path).weight.x = FIRST_WAY;
+        (*path).weight.y = 0.0;
+    }
+    if returns { (*path).weight.y += select(0.0, 1.0, is_open); }
+    if is_turned {
+        (*path).direction = -(*path).direction;
+        (*path).weight.x = 0.0;
+    }
+    if is_asked || is_turned { (*path).end = reach_of(lattice_step(dims)); }
+    return Look(is_asked || is_turned, returns && !is_turned || rests && !is_asked);
+}
+
 // One of the ways of seen.wgsl, by its share.
 fn way_to_neighbour(u: vec4f, dims: vec3u) -> vec3f {
     let faces = 6.0 * SHARES.x;

@@ -79,22 +79,8 @@ fn trace_photons(
             // What has not been scattered is not the field's where it is kept apart. What may be hidden counts
             // if it is seen from a way off.
             let is_apart = path.light == 0u && steering(photons.direct) == 1u;
-            let is_asked = stores && !is_apart && may_be_hidden(x, photons.dims);
-            // First it is looked at along a way, then from the other side: of a skin one is open.
-            let is_turned = flies && is_looked_at && path.weight.x == FIRST_WAY;
-            let is_settled = flies && is_looked_at && !is_turned || stores && !is_asked;
-            if is_asked {
-                path.direction = way_to_neighbour(unit4(draw(&path, photon)), photons.dims);
-                path.weight.x = FIRST_WAY;
-                path.weight.y = 0.0;
-            }
-            if flies && is_looked_at { path.weight.y += select(0.0, 1.0, outcome == ESCAPE); }
-            if is_turned {
-                path.direction = -path.direction;
-                path.weight.x = 0.0;
-            }
-            if is_asked || is_turned { path.end = reach_of(lattice_step(photons.dims)); }
-            if is_settled {
+            let seen = look(&path, photon, x, stores, !is_apart, flies && is_looked_at, outcome == ESCAPE, photons.dims);
+            if seen.is_settled {
                 // Taken up again from here, a photon has drawn as many numbers.
                 places[slot].w = bitcast<f32>(path.draws);
                 path.direction = ways[slot].xyz;
@@ -104,13 +90,13 @@ fn trace_photons(
                 path.light += 1u;
                 path.scatterings += 1u;
             }
-            let is_last = is_settled && path.light == photons.slots;
+            let is_last = seen.is_settled && path.light == photons.slots;
             if flies && !is_looked_at && outcome == LOST || is_last { cut += max_of(path.throughput); }
             if flies && !is_looked_at && outcome == ESCAPE {
                 let left_with = bitcast<vec3u>(path.throughput);
                 ends[2u * local + 1u] = vec4u(ends[2u * local + 1u].x, left_with);
             }
-            path.stage = select(select(DONE, AT, is_settled && !is_last), VIEW + TO_BEGIN, is_asked || is_turned);
+            path.stage = select(select(DONE, AT, seen.is_settled && !is_last), VIEW + TO_BEGIN, seen.goes_on);
         }
         deposit(places[slot].xyz, ways[slot].xyz,
             0.5 * f32(abs(halves)) * vec3f(ways[slot].w, bitcast<vec2f>(histories[2u * slot + 1u].xy)), sign(halves));

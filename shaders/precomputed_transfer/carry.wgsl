@@ -76,32 +76,19 @@ fn carry_photons(
                 interactions += 1u;
             }
             // What may be hidden counts as far as it is seen from a way off: as in `trace_photons`.
-            let is_asked = interacts && path.scatterings > 0u && may_be_hidden(x, transfer.dims);
-            let is_turned = flies && is_looked_at && path.weight.x == FIRST_WAY;
-            let is_settled = flies && is_looked_at && !is_turned || interacts && !is_asked;
-            if is_asked {
-                path.direction = way_to_neighbour(unit4(draw(&path, photon)), transfer.dims);
-                path.weight.x = FIRST_WAY;
-                path.weight.y = 0.0;
-            }
-            if flies && is_looked_at { path.weight.y += select(0.0, 1.0, outcome == ESCAPE); }
-            if is_turned {
-                path.direction = -path.direction;
-                path.weight.x = 0.0;
-            }
-            if is_asked || is_turned { path.end = reach_of(lattice_step(transfer.dims)); }
+            let seen = look(&path, photon, x, interacts, path.scatterings > 0u, flies && is_looked_at, outcome == ESCAPE, transfer.dims);
             // What comes before anything that changed is the same in both matters, and stays.
             let is_stale = any((vec4u(bins_met, blocks) & transfer.query) != vec4u(0u));
-            if transfer.sign < 0 && is_settled && !is_stale { path.density = f32(path.scatterings + 1u); }
-            let counts = is_settled && path.scatterings > 0u && path.weight.y > 0.0 && f32(path.scatterings) >= path.density;
+            if transfer.sign < 0 && seen.is_settled && !is_stale { path.density = f32(path.scatterings + 1u); }
+            let counts = seen.is_settled && path.scatterings > 0u && path.weight.y > 0.0 && f32(path.scatterings) >= path.density;
             deposit(path.origin, path.w_o, 0.5 * path.weight.y * path.throughput, photon.x, select(0, transfer.sign, counts));
-            if is_settled {
+            if seen.is_settled {
                 path.direction = path.w_o;
                 path.scatterings += 1u;
             }
-            let is_last = is_settled && path.scatterings == transfer.events;
+            let is_last = seen.is_settled && path.scatterings == transfer.events;
             if flies && !is_looked_at && outcome == LOST || is_last { cut += max_of(path.throughput); }
-            path.stage = select(select(DONE, AT, is_settled && !is_last), VIEW + TO_BEGIN, is_asked || is_turned);
+            path.stage = select(select(DONE, AT, seen.is_settled && !is_last), VIEW + TO_BEGIN, seen.goes_on);
         }
         if path.stage == DONE || steps == 0u { rays = 0u; }
     }

@@ -130,6 +130,8 @@ fn fall(ray: Ray, from_t: f32, to_t: f32) {
     // Of what the beam has just passed, up to there: a depth that fades over the reach.
     var above = 0.0;
     var passed_t = from_t;
+    // To the normal of the skin that it came through last.
+    var cosine = 1.0;
     let texel = frame.size_world / vec3f(transfer.dims);
     let reach = REACH_TEXELS * (texel.x + texel.y + texel.z) / 3.0;
     // Two loops, as in `integrate` of the ray caster: the inner one leaps and reads voxels until there
@@ -166,6 +168,9 @@ fn fall(ray: Ray, from_t: f32, to_t: f32) {
         let by_bend = ceil(sqrt(bend_of(cubic) / MOST_BEND));
         let by_length = ceil((way.y - way.x) / (MOST_PART * texel_length));
         let parts = clamp(max(by_bend, by_length), 1.0, MOST_PARTS_BY_BEND);
+        let middle_of_cell = ray.origin + 0.5 * (way.x + way.y) * ray.direction;
+        let may_hide = known_bound(middle_of_cell) * reach > SEEN_FROM;
+        let cosine_here = skin_cosine(ray.direction, middle_of_cell, cosine);
         var next = select(parts + 1.0, 1.0, found);
         var near = field_point(way.x, s_on(cubic, 0.0));
         while next <= parts {
@@ -179,9 +184,10 @@ fn fall(ray: Ray, from_t: f32, to_t: f32) {
             let x = ray.origin + middle * ray.direction;
             // Parts without matter change nothing, for some are leapt over.
             if depth > 0.0 {
+                cosine = cosine_here;
                 above *= exp((passed_t - near.t) / reach);
                 let sigma_t = 0.5 * (part.sigma_t.x + part.sigma_t.y);
-                let seen = seen_of_loss(x, ray.direction, above, depth, sigma_t, reach);
+                let seen = select(1.0, seen_of_loss(cosine, above, depth, sigma_t * reach), may_hide);
                 share_out(x, select(0.0, lost * seen, middle >= counted_from));
                 above = min(above + depth, DEEP) * exp((near.t - part.end.t) / reach);
                 passed_t = part.end.t;
@@ -194,24 +200,32 @@ fn fall(ray: Ray, from_t: f32, to_t: f32) {
     }
 }
 
-// How much of what is lost in a part of the beam's way is seen from a way off, in a skin that is flat there:
-// on average over where it is lost, and over ways. Ways out of it are as deep as the beam's, by the cosines of
-// both; others are as deep as matter is dense. `above`: optical depth of what lies above the skin.
-fn seen_of_loss(x: vec3f, way: vec3f, above: f32, depth: f32, sigma_t: f32, reach: f32) -> f32 {
+// Bound of the extinction around a place.
+fn known_bound(x: vec3f) -> f32 {
     let place = vec3i(floor((x / frame.size_world + 0.5) * frame.voxels / MACROCELL_EDGE));
-    let known = textureLoad(bounds, clamp(place, vec3i(0), vec3i(textureDimensions(bounds)) - 1), 0).x;
-    if bitcast<f32>(known) * reach <= SEEN_FROM { return 1.0; }
+    return bitcast<f32>(textureLoad(bounds, clamp(place, vec3i(0), vec3i(textureDimensions(bounds)) - 1), 0).x);
+}
+
+// Cosine of a beam to the skin's normal, `before` where there is none: behind a skin the field is even.
+fn skin_cosine(direction: vec3f, x: vec3f, before: f32) -> f32 {
     let gradient = gradient_at(x / frame.size_world + 0.5);
     // Of a window of no width gradients have no length.
     let largest = max(abs(gradient.x), max(abs(gradient.y), abs(gradient.z)));
     let has_length = largest > 1e-30 && largest < 1e30;
-    let n = select(way, gradient / largest, has_length);
-    let slant = min(abs(dot(n, way)) / length(n), 1.0);
-    let deeper = slant / COSINES;
+    let n = gradient / select(1.0, largest, has_length);
+    return select(before, min(abs(dot(n, direction)) / length(n), 1.0), has_length);
+}
+
+// How much of what is lost in a part of the beam's way is seen from a way off, in a skin that is flat there:
+// on average over where it is lost, and over ways. Ways out of it are as deep as the beam's, by the cosines of
+// both; others are as deep as matter is dense. `above`: optical depth of what lies above the skin; `within_reach`:
+// that of the part's matter all the way.
+fn seen_of_loss(cosine: f32, above: f32, depth: f32, within_reach: f32) -> f32 {
+    let deeper = cosine / COSINES;
     let lost = max(1.0 - exp(-min(depth, DEEP)), 1e-20);
     let out = exp(-above * deeper) * (1.0 - exp(-min(depth, DEEP) * (1.0 + deeper))) / ((1.0 + deeper) * lost);
     let others = 1.0 - dot(WAYS_OUT, vec3f(1.0));
-    return dot(WAYS_OUT, out) + others * exp(-sigma_t * reach);
+    return dot(WAYS_OUT, out) + others * exp(-within_reach);
 }
 
 fn share_out(x: vec3f, lost: f32) {

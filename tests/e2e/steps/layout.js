@@ -1,5 +1,6 @@
 import assert from "node:assert/strict";
 import { artifact } from "../lib/artifacts.js";
+import { FINAL_MILLIS } from "../lib/page.js";
 import { isLit, region } from "../lib/pixels.js";
 import { sessionOf, step } from "../lib/world.js";
 
@@ -9,6 +10,8 @@ const SIZES = [[900, 420], [1280, 800], [1920, 1080]];
 const NARROW_SIZES = [[800, 900], [390, 800]];
 /** A sample that is drawn quickly. */
 const SAMPLE = "smoke_plume";
+/** Names a session that there is not: its visitor gets another one, and a notice. */
+const GONE = `#session=${"0".repeat(32)}`;
 /** What must lie within the page at every size. */
 const CORNERS = ["toggle-left", "toggle-right", "status-state", "status-resolution", "orientation-cube", "save-still"];
 
@@ -29,6 +32,20 @@ export function layoutSteps() {
       assert.deepEqual(scrolled, [width, height], "the page does not scroll");
       assert.equal(picture.size, `${picture.width}x${picture.height}`);
       assert.deepEqual(visitor.complaints, []);
+      await visitor.leave();
+    }
+  });
+
+  step("layout: a notice is read beside the tools, at every size", async (arrive) => {
+    for (const [width, height] of [...SIZES, ...NARROW_SIZES]) {
+      const visitor = await arrive({ hash: GONE, width, height });
+      await visitor.at("notice-mark").waitFor({ timeout: FINAL_MILLIS });
+      const [notice, tools, picture] = await Promise.all([visitor.at("notice-mark"), visitor.page.locator(".view-tools"), visitor.at("viewport")].map((one) => one.boundingBox()));
+      const apart = notice.x + notice.width <= tools.x || notice.y >= tools.y + tools.height;
+      assert.ok(apart, `${width}x${height}: ${JSON.stringify({ notice, tools })}`);
+      assert.ok(notice.x >= picture.x && notice.x + notice.width <= picture.x + picture.width && notice.y + notice.height <= picture.y + picture.height, "it lies within the picture");
+      await visitor.at("notice-dismiss").click();
+      await visitor.at("notice-mark").waitFor({ state: "detached" });
       await visitor.leave();
     }
   });

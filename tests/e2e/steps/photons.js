@@ -76,6 +76,14 @@ export function photonSteps() {
     assert.ok(mean > 0.05 && mean < 5, `refined by ${mean}`);
     assert.ok(Number(/([\d.]+) %/.exec(error)?.[1]) < 30, error);
     assert.ok((await visitor.at("max-error").count()) > 0, "it can end at an error");
+
+    // A key changes a count by one at least, where its slider is not linear, too.
+    const paths = async () => Number(await visitor.at("paths-per-pixel").inputValue());
+    await visitor.at("paths-per-pixel-slider").getByRole("slider").focus();
+    await visitor.key("ArrowRight");
+    assert.equal(await paths(), PATHS + 1);
+    for (let key = 0; key < 3; key += 1) await visitor.key("ArrowLeft");
+    assert.equal(await paths(), PATHS - 2);
     assert.deepEqual(visitor.complaints, []);
   });
 }

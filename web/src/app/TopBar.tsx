@@ -106,9 +106,10 @@ function DatasetSelect() {
 function chooseAndSay(method: Method): void {
   const { scene } = useSession.getState();
   if (!scene) return;
-  const { patch, tookPicture } = chooseMethod(scene, method, (image) => meanRadiance(useEnvironments.getState().list, image));
+  const { patch, tookPicture, switchedOff } = chooseMethod(scene, method, (image) => meanRadiance(useEnvironments.getState().list, image));
   session.edit(patch);
   if (tookPicture) saySideEffect("method", `${labelOf(method)} takes no environment picture: that light is uniform now.`, (now) => now.illumination.method === method && pictureOfScene(now) === null);
+  if (switchedOff > 0) saySideEffect("method", `${labelOf(method)} takes distant light only: ${switchedOff === 1 ? "one light is" : `${switchedOff} lights are`} off now.`, (now) => now.illumination.method === method);
 }
 
 function MethodSelect() {
@@ -151,7 +152,7 @@ function MethodSelect() {
         />
       </Tooltip>
       {sideEffect !== null && <span className="top-note" role="status" title={sideEffect} data-testid="method-side-effect">{sideEffect}</span>}
-      {lack !== null && <span className="top-note" role="status" data-testid="method-note">{lack}</span>}
+      {lack !== null && sideEffect === null && <span className="top-note" role="status" data-testid="method-note">{lack}</span>}
       <FieldNote fields={["illumination"]} />
     </>
   );

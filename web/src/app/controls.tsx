@@ -3,11 +3,12 @@
 import { ColorPicker, NumberInput, Popover, Slider, Tooltip, ActionIcon } from "@mantine/core";
 import { useEffect, useId, useRef, useState, type ReactNode } from "react";
 import { hexFromLinear, linearFromHex } from "../scene/colour";
-import { rounded, type Triple } from "../scene/vec";
+import { clamp, rounded, type Triple } from "../scene/vec";
 import { session } from "../session/engine";
 import { isWatching, useSession } from "../session/store";
 import { rootOf } from "../session/words";
 import { Icon, type IconName } from "./Icon";
+import { valueAfterKey } from "./sliderKeys";
 import { useUi, type SectionId } from "./uiStore";
 
 /** Sections that are not about the scene: those who watch use them, too. */
@@ -164,26 +165,30 @@ export function SliderField({ label, hint, value, onChange, min, max, step, toSl
 }) {
   const low = toSlider(min);
   const high = toSlider(sliderMax ?? max);
-  // An arrow key goes one place: parts of whole numbers would be rounded away again.
   const finest = (high - low) / SLIDER_PLACES;
-  const ofWholes = toSlider === identity && (whole || Number.isInteger(step));
+  const ofWholes = whole || Number.isInteger(step);
+  const shown = clamp(toSlider(value), low, high);
+  // The slider tells where it goes and not what made it go.
+  const byKey = useRef(false);
   return (
     <Row label={label} {...(hint === undefined ? {} : { hint })}>
-      <Slider
-        className="row-slider"
-        min={low}
-        max={high}
-        step={ofWholes ? Math.max(1, finest) : finest}
-        label={null}
-        value={Math.min(high, toSlider(value))}
-        thumbLabel={label}
-        onChange={(position) => {
-          session.beginGesture();
-          onChange(whole ? Math.round(fromSlider(position)) : rounded(fromSlider(position), digits));
-        }}
-        onChangeEnd={() => session.endGesture()}
-        data-testid={`${testId}-slider`}
-      />
+      <div className="row-slider" onKeyDownCapture={() => (byKey.current = true)} onKeyDown={() => (byKey.current = false)}>
+        <Slider
+          min={low}
+          max={high}
+          step={ofWholes && toSlider === identity ? Math.max(1, finest) : finest}
+          label={null}
+          value={shown}
+          thumbLabel={label}
+          onChange={(position) => {
+            session.beginGesture();
+            const led = ofWholes ? Math.round(fromSlider(position)) : rounded(fromSlider(position), digits);
+            onChange(byKey.current ? valueAfterKey(value, led, [shown, position], { unit: ofWholes ? 1 : 0, min, max }) : led);
+          }}
+          onChangeEnd={() => session.endGesture()}
+          data-testid={`${testId}-slider`}
+        />
+      </div>
       <NumberField label={label} value={value} onChange={onChange} min={min} max={max} step={step} width={whole && max >= LONG_COUNT ? COUNT_WIDTH : NUMBER_WIDTH} whole={whole} testId={testId} />
     </Row>
   );

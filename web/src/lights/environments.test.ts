@@ -46,8 +46,19 @@ describe("environment lights", () => {
     const after = applyPatch<SceneFile>(scene, patch);
     expect(after.lights[1]).toEqual({ type: "environment", id: "room", enabled: true, radiance: [0.49, 0.35, 0.14] });
     expect(pictureOfScene(after)).toBeNull();
-    expect(chooseMethod(scene, "photon_map", mean)).toEqual({ patch: { illumination: { method: "photon_map" } }, tookPicture: false });
-    expect(chooseMethod(lit("path_traced", room), "local", mean)).toEqual({ patch: { illumination: { method: "local" } }, tookPicture: false });
+    expect(chooseMethod(scene, "photon_map", mean)).toEqual({ patch: { illumination: { method: "photon_map" } }, tookPicture: false, switchedOff: 0 });
+    expect(chooseMethod(lit("path_traced", room), "local", mean)).toEqual({ patch: { illumination: { method: "local" } }, tookPicture: false, switchedOff: 0 });
+  });
+
+  it("switches lights with a place off for a method of distant light, and only then", () => {
+    const lamp: Light = { type: "point", id: "lamp", enabled: true, position: [0, 1, 0], intensity: [1, 1, 1] };
+    const scene = lit("photon_map", sun, lamp, { ...lamp, id: "off", enabled: false }, studio);
+    const { patch, switchedOff, tookPicture } = chooseMethod(scene, "precomputed_transfer", mean);
+    expect([switchedOff, tookPicture]).toEqual([1, false]);
+    const after = applyPatch<SceneFile>(scene, patch);
+    expect(after.lights.map(({ enabled }) => enabled)).toEqual([true, false, false, true]);
+    expect(after.lights[3]).toEqual(studio);
+    expect(chooseMethod(scene, "path_traced", mean).switchedOff).toBe(0);
   });
 
   it("stands pictures upright in anatomical axes and keeps the turn from picture to picture", () => {

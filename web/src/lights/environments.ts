@@ -7,6 +7,7 @@
  */
 
 import type { Camera, Environment, Light, Method, SceneFile } from "../generated/proto";
+import { isDistant, OF_DISTANT_LIGHT } from "../quality/methods";
 import type { Patch } from "../scene/mergePatch";
 import { rounded, scale, sub, type Triple } from "../scene/vec";
 import { withIds } from "./lights";
@@ -55,12 +56,19 @@ export function choosePicture({ illumination, lights }: Lit, index: number, imag
   return { switched, patch: { lights: chosen, ...(switched ? { illumination: { method: WITH_PICTURES } } : {}) } };
 }
 
-/** Another method; one that refuses pictures takes them off the lights in the same edit. */
-export function chooseMethod(scene: Lit, method: Method, mean: (image: string | undefined) => Triple): { patch: Patch; tookPicture: boolean } {
+const refuses = (method: Method, light: Light): boolean => light.enabled && method === OF_DISTANT_LIGHT && !isDistant(light);
+
+/** Another method. In the same edit one that refuses pictures takes them off the lights, and lights that it refuses are switched off. */
+export function chooseMethod(scene: Lit, method: Method, mean: (image: string | undefined) => Triple): { patch: Patch; tookPicture: boolean; switchedOff: number } {
   const illumination = { method };
-  if (takesPictures(method) || pictureOfScene(scene) === null) return { patch: { illumination }, tookPicture: false };
-  const lights = withIds(scene.lights).map((light) => (light.type === "environment" ? withoutPicture(light, mean(light.image)) : light));
-  return { patch: { illumination, lights }, tookPicture: true };
+  const tookPicture = !takesPictures(method) && pictureOfScene(scene) !== null;
+  const switchedOff = scene.lights.filter((light) => refuses(method, light)).length;
+  if (!tookPicture && switchedOff === 0) return { patch: { illumination }, tookPicture, switchedOff };
+  const lights = withIds(scene.lights).map((light) => {
+    if (refuses(method, light)) return { ...light, enabled: false };
+    return tookPicture && light.type === "environment" ? withoutPicture(light, mean(light.image)) : light;
+  });
+  return { patch: { illumination, lights }, tookPicture, switchedOff };
 }
 
 /** Degrees brought to -180 (left out) to 180. */

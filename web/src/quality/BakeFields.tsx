@@ -1,11 +1,11 @@
-/** Settings of `precomputed_transfer`: each is another bake. */
+/** Settings of `precomputed_transfer`: each is another bake, but for what becomes of a finished one. */
 
 import { NativeSelect } from "@mantine/core";
 import { Row, SliderField } from "../app/controls";
 import type { Illumination } from "../generated/proto";
 import { session } from "../session/engine";
 import { useSession } from "../session/store";
-import { clusterChoicesWith, compressionInWords, directionChoices, GRID, lightChoices, MAX_BANDS, MAX_EVENTS, MAX_PHOTONS } from "./bakes";
+import { clusterChoicesWith, compressionInWords, bakeCostInWords, directionChoices, GRID, lightChoices, MAX_BANDS, MAX_EVENTS, MAX_PHOTONS } from "./bakes";
 
 /** Ends of the sliders. */
 const SLIDER_PHOTONS = { from: 4096, to: 4_194_304 };
@@ -31,7 +31,7 @@ export function BakeFields({ illumination }: { illumination: Illumination }) {
         <NativeSelect aria-label="Compression" value={String(illumination.transfer_clusters)} data={clusterChoicesWith(illumination.transfer_clusters)} data-testid="transfer-clusters" onChange={(event) => edit({ transfer_clusters: Number(event.currentTarget.value) })} />
       </Row>
       {illumination.transfer_clusters > 0 && error !== null && <p className="hint row-hint" data-testid="compression-error">{compressionInWords(error)}</p>}
-      <p className="hint row-hint">{illumination.transfer_clusters > 0 ? "Edits of matter and of these settings bake all anew" : "Edits of matter bake anew what they touch, edits of these settings all"}; lights turn and change freely.</p>
+      <p className="hint row-hint" data-testid="bake-cost">{bakeCostInWords(illumination.transfer_clusters)}</p>
     </>
   );
 }

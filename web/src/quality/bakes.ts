@@ -28,6 +28,12 @@ export const clusterChoicesWith = (count: number): { value: string; label: strin
   return clusterChoices.some(({ value }) => value === own.value) ? [...clusterChoices] : [...clusterChoices, own];
 };
 
+/** What edits cost where light is baked, in words. */
+export const bakeCostInWords = (clusters: number): string =>
+  `${clusters > 0
+    ? "Edits of matter and of these settings bake all anew, another compression too"
+    : "Edits of matter bake anew what they touch, edits of these settings all; compression takes the bake as it is"}. A bake that is kept on disk is not made again. Lights turn and change freely.`;
+
 /** What compression left out of the bake, in words. */
 export const compressionInWords = (error: number): string => `Compression leaves out ${Number((100 * error).toPrecision(2))} % of the bake (root mean square); pictures differ less.`;
 

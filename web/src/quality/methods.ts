@@ -1,6 +1,6 @@
 /** The illumination methods by what they give. */
 
-import type { Method, SceneFile } from "../generated/proto";
+import type { Light, Method, SceneFile } from "../generated/proto";
 
 export interface MethodChoice {
   method: Method;
@@ -14,9 +14,9 @@ export interface MethodChoice {
 export const methodChoices: readonly MethodChoice[] = [
   { method: "local", label: "Local", gives: "No shadows, instant", paper: "Shading by gradient and phase function" },
   { method: "convection_diffusion", label: "Convection-diffusion", gives: "Soft shadows and scattering on a grid", paper: "Zhang and Ma, Fast Global Illumination for Interactive Volume Visualization, 2013" },
-  { method: "image_based", label: "Image-based", gives: "Environment light, single scattering", paper: "Delalandre, Gautron and Marvie, Real-Time Image-Based Volume Lighting, 2013" },
+  { method: "image_based", label: "Image-based", gives: "Shadows of every light, single scattering", paper: "Delalandre, Gautron and Marvie, Real-Time Image-Based Volume Lighting, 2013" },
   { method: "photon_map", label: "Photon map", gives: "Everything; follows edits", paper: "Jönsson, Kronander, Ropinski and Ynnerman, Historygrams, 2012" },
-  { method: "precomputed_transfer", label: "Precomputed", gives: "Bake once, then light is free", paper: "Zhang, Dong and Ma, Precomputed Photon Mapping in Dynamic Lighting Environments, 2013" },
+  { method: "precomputed_transfer", label: "Precomputed", gives: "Bake once, then sun and sky are free", paper: "Zhang, Dong and Ma, Precomputed Photon Mapping in Dynamic Lighting Environments, 2013" },
   { method: "path_traced", label: "Path traced", gives: "The truth, in time", paper: "Unbiased path tracing" },
 ];
 
@@ -56,8 +56,15 @@ const MAX_MIXED_LIGHTS = 8;
 /** Why lights cannot be mixed after rendering, in words; null if they can. Lights that are off count. */
 export const whyNotMixed = (lights: readonly unknown[]): string | null => (lights.length > MAX_MIXED_LIGHTS ? `Only up to ${MAX_MIXED_LIGHTS} lights can be mixed; there are ${lights.length}.` : null);
 
+/** The method that refuses lights with a place. */
+export const OF_DISTANT_LIGHT: Method = "precomputed_transfer";
+
+/** Whether a light shines from infinity. */
+export const isDistant = ({ type }: Light): boolean => type === "directional" || type === "environment";
+
 /** What of the scene its method does not show; null if nothing is left out. */
 export function shortcoming({ illumination, lights }: Pick<SceneFile, "illumination" | "lights">): string | null {
+  if (illumination.method === OF_DISTANT_LIGHT && !lights.some((light) => light.enabled && isDistant(light))) return "No distant light is on: add a directional one or an environment.";
   const extended = lights.some((light) => light.enabled && ["rectangle", "disk", "sphere"].includes(light.type));
   return illumination.method === "image_based" && extended ? "Image-based lighting takes area lights from their centre: their shadows are sharp." : null;
 }

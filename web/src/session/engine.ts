@@ -22,7 +22,7 @@ import { LightMeter } from "./lightMeter";
 import { Meters } from "./meters";
 import { rememberSession } from "./ownSessions";
 import { decodeScene, parseAddress, sessionAddress } from "./shareLink";
-import { isWatching, reported, useSession, type SessionState } from "./store";
+import { isInOwnLight, isWatching, reported, sinceEpoch, useSession, type SessionState } from "./store";
 import { SceneSync } from "./sync";
 import { loadView, saveView } from "./viewMemory";
 import { VolumeFacts } from "./volumeFacts";
@@ -339,6 +339,7 @@ class Engine {
         this.volume.scene(message.scene.volume, message.shown);
         // Another volume has other bins.
         if (!deepEqual(message.scene.volume, useSession.getState().scene?.volume)) set({ staleShares: null });
+        set({ methodSince: sinceEpoch(useSession.getState().methodSince, message.scene.illumination.method, message.epoch) });
         this.publishScene();
         break;
       case "rejected":
@@ -374,6 +375,8 @@ class Engine {
     else this.sync = new SceneSync(message.scene);
     this.cameras = message.scene.camera ? new CameraTrail(message.scene.camera) : null;
     this.volume.greeted(message.scene.volume, message.dataset, message.shown);
+    // Epochs of another session are other numbers.
+    set({ methodSince: { method: message.scene.illumination.method, epoch: message.epoch } });
     set({ link: "open", role: message.role, failure: null, retryAt: null, device: message.device });
     if (!startCamera && message.scene.camera) this.startAt(message.session, message.scene.camera, startFits);
     if (!useSession.getState().status) void this.refreshStatus();
@@ -426,7 +429,8 @@ class Engine {
     this.screen?.show(picture, header);
     this.meters.frameShown(header.seq, performance.now());
     this.editMeter.shown(header, performance.now());
-    this.lightMeter.shown(header, performance.now());
+    if (isInOwnLight({ ...useSession.getState(), frame: header })) this.lightMeter.shown(header, performance.now());
+    else this.lightMeter.forget();
     this.cameras?.shown(header.seq);
     set({ frame: header, awaitingPicture: false, progress: null, editWork: this.editMeter.read(), lightMillis: this.lightMeter.read() });
   }

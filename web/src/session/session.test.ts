@@ -161,9 +161,11 @@ describe("a report", () => {
     const unseen = { ...report, changes: ["shadows of clipped matter"] };
     expect(reported(unseen)).toEqual({ report: unseen, changeReport: unseen });
     const compressed = { ...report, counters: { transfer_rows: 100, transfer_compression_error_ppm: 20000 } };
-    expect(reported(compressed)).toEqual({ report: compressed, compressionError: 0.02 });
+    expect(reported(compressed)).toEqual({ report: compressed, compressionError: 0.02, bakeIsMade: false });
     const whole = { ...report, counters: { transfer_rows: 100 } };
-    expect(reported(whole)).toEqual({ report: whole, compressionError: null });
+    expect(reported(whole)).toEqual({ report: whole, compressionError: null, bakeIsMade: false });
+    const made = { ...report, counters: { transfer_rows: 100, transfer_made: 1 } };
+    expect(reported(made)).toMatchObject({ bakeIsMade: true });
   });
 });
 

@@ -3,7 +3,7 @@
 import { create } from "zustand";
 import {
   FLAG_FINAL, FLAG_MOVING, type Camera, type Dataset, type DeviceInfo, type FrameHeader, type FrameReport, type Histogram,
-  type Role, type SceneFile, type ShownVolume, type StaleShares, type Status,
+  type Method, type Role, type SceneFile, type ShownVolume, type StaleShares, type Status,
 } from "../generated/proto";
 import type { EditWork } from "./editWork";
 import type { Readings } from "./meters";
@@ -65,6 +65,10 @@ export interface SessionState {
   staleShares: StaleShares | null;
   /** What compression left out of the newest compressed bake, relative; null before the first. */
   compressionError: number | null;
+  /** Nothing is left to be baked of the light in the newest picture of a bake; it may be stored and compressed. */
+  bakeIsMade: boolean;
+  /** Since which epoch the scene that the server knows has its illumination method. */
+  methodSince: { method: Method; epoch: number } | null;
   /** What became of this page's newest edit. */
   editWork: EditWork | null;
   /** Time until all of the light is there, milliseconds; null where it is, or cannot be told. */
@@ -104,6 +108,8 @@ export const useSession = create<SessionState>(() => ({
   pictureReport: null,
   staleShares: null,
   compressionError: null,
+  bakeIsMade: false,
+  methodSince: null,
   editWork: null,
   lightMillis: null,
   progress: null,
@@ -119,15 +125,23 @@ export const isWatching = ({ role }: Pick<SessionState, "role">): boolean => rol
 
 /** What a report makes known: it may be of a change, of a picture, or of both. */
 export function reported(report: FrameReport): Partial<SessionState> {
-  const { transfer_rows: rows, transfer_compression_error_ppm: compression } = report.counters;
+  const { transfer_rows: rows, transfer_compression_error_ppm: compression, transfer_made: made } = report.counters;
   return {
     report,
     ...(report.changes.length > 0 ? { changeReport: report } : {}),
     ...(report.stages.length > 0 ? { pictureReport: report } : {}),
-    ...(rows !== undefined ? { compressionError: compression === undefined ? null : compression / 1e6 } : {}),
+    ...(rows !== undefined ? { compressionError: compression === undefined ? null : compression / 1e6, bakeIsMade: made !== undefined } : {}),
     ...(report.stale_shares ? { staleShares: report.stale_shares } : {}),
   };
 }
+
+/** What is known of the method's beginning once a scene of this epoch arrived. */
+export const sinceEpoch = (before: SessionState["methodSince"], method: Method, epoch: number): NonNullable<SessionState["methodSince"]> =>
+  before?.method === method ? before : { method, epoch };
+
+/** Whether the picture on screen was drawn by the scene's method: the first ones after another was chosen were not, and what they tell of light is of the old one's. */
+export const isInOwnLight = ({ frame, scene, methodSince }: Pick<SessionState, "frame" | "scene" | "methodSince">): boolean =>
+  frame !== null && scene !== null && methodSince?.method === scene.illumination.method && frame.snapshot_epoch >= methodSince.epoch;
 
 /** What the viewport shows, in one word; also its `data-state`. */
 export type PictureState = "loading" | "offline" | "moving" | "refining" | "final";

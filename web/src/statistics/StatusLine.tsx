@@ -3,7 +3,8 @@
 import { useUi } from "../app/uiStore";
 import { samplesAtRest } from "../quality/methods";
 import { pictureState, useSession, type PictureState } from "../session/store";
-import { editTimes, keptShare, lightInWords, reusedShare, skippedShare, stateInWords } from "./figures";
+import { missingLight } from "../viewport/missingLight";
+import { editTimes, keptShare, reusedShare, skippedShare, stateInWords } from "./figures";
 
 export function StatusLine() {
   const state = useSession(pictureState);
@@ -12,7 +13,7 @@ export function StatusLine() {
   const skipped = useSession((session) => skippedShare(session.pictureReport));
   const reused = useSession((session) => keptShare(session.editWork) ?? reusedShare(session.pictureReport));
   const edit = useSession((session) => editTimes(session.editWork));
-  const light = lightInWords(frame, useSession((session) => session.lightMillis));
+  const light = useSession((session) => missingLight(session)?.amount ?? null);
   const software = useSession((session) => session.device?.software ?? session.status?.device.software ?? false);
   const { latencyMillis, framesPerSecond, megabitsPerSecond } = useSession((session) => session.readings);
   const open = useUi((ui) => ui.statisticsOpen);

@@ -100,6 +100,8 @@ describe("a method", () => {
     expect(shortcoming({ illumination: illumination("image_based"), lights: [disk, sky] })).toContain("sharp");
     expect(shortcoming({ illumination: illumination("image_based"), lights: [{ ...disk, enabled: false }, lamp, sky] })).toBeNull();
     expect(shortcoming({ illumination: illumination("photon_map"), lights: [disk] })).toBeNull();
+    expect(shortcoming({ illumination: illumination("precomputed_transfer"), lights: [{ ...lamp, enabled: false }, sky] })).toBeNull();
+    expect(shortcoming({ illumination: illumination("precomputed_transfer"), lights: [{ ...sky, enabled: false }] })).toContain("No distant light");
     expect(withoutEffect("image_based", "clip shadows")).toBeNull();
   });
 

@@ -11,9 +11,9 @@ import { ClipHandles } from "../quality/ClipHandles";
 import { session } from "../session/engine";
 import { isWatching, pictureState, useSession } from "../session/store";
 import { currentCamera, resetView, startUp, toggleFullScreen, toggleProjection } from "./actions";
-import { BakeMark } from "./BakeMark";
 import { EdgeLetters } from "./EdgeLetters";
 import { attachGestures } from "./gestures";
+import { LightMark } from "./LightMark";
 import { OrientationCube } from "./OrientationCube";
 import { Presenter } from "./presenter";
 import { ProbeLayer } from "./ProbeLayer";
@@ -68,9 +68,9 @@ export function Viewport() {
       <WindowReadout />
       {!watching && <ClipHandles viewport={size} />}
       {!watching && <LightGizmo viewport={size} />}
-      <LoadingMark />
-      <BakeMark />
       <EdgeLetters />
+      <LoadingMark />
+      <LightMark />
       <OrientationCube />
       <Scale viewportHeight={size.height} />
       <ViewTools />

@@ -140,8 +140,8 @@ impl Bake {
         !changes.volume && bins == 0 && !changes.clip && !changes.clip_shadows
     }
 
-    /// Whether every direction is marched and every photon flown.
-    fn is_complete(&self) -> bool {
+    /// Whether every direction is marched and every photon flown: what is left is to store and to compress it.
+    pub fn is_complete(&self) -> bool {
         !self.is_behind && self.has_all_directions() && self.packets.done() == self.layout.photons
     }
 

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use scene::{PreparedVolume, Volume, Voxels};
 use serde_json::{Value, json};
 
+use super::NEARLY_MADE;
 use super::compress::{Compressing, Shape};
 use super::keeping::{Handed, Handing, Matrices};
 use super::store::{BakeStore, Outgoing};
@@ -93,6 +94,28 @@ fn slices_and_edits_meanwhile_change_no_bit() {
     renderer.transfer_pipelines.most_stale = usual;
     drop(renderer);
     assert_eq!(radiance(&view), image_of(&of(2.0, 3)));
+}
+
+/// Whether it is baked or compressed is told, and there is more light as soon as it is compressed.
+#[test]
+fn what_is_left_of_a_made_bake_is_told() {
+    let (scene, mut view, mut renderer) =
+        (snapshot(&balls(20), &[clusters(64)], 0, 1), View::new(), renderer());
+    let (mut slices, mut share) = ([0; 2], 0.0);
+    loop {
+        let request =
+            DrawRequest { snapshot: &scene, target: TARGET, budget: Some(Duration::from_millis(1)) };
+        let drawn = renderer.draw(&mut view, &request).unwrap();
+        if drawn.illumination == 1.0 {
+            break;
+        }
+        let is_made = drawn.counters.contains_key("transfer_made");
+        assert_eq!(is_made, drawn.illumination > NEARLY_MADE, "{}", drawn.illumination);
+        assert!(drawn.illumination >= share);
+        share = drawn.illumination;
+        slices[usize::from(is_made)] += 1;
+    }
+    assert!(slices[0] > 4 && slices[1] > 0, "baked and compressed in {slices:?} slices");
 }
 
 /// Bakes are given to a thread that writes them.

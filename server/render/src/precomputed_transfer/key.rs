@@ -9,7 +9,7 @@ use crate::gpu::Gpu;
 use crate::shaders;
 
 /// Counts changes of what the processor does for a bake, beyond the tables that it makes.
-const BAKE_VERSION: u32 = 3;
+const BAKE_VERSION: u32 = 4;
 
 /// Of a bake's scene: nothing of lights, camera or film.
 pub fn key(gpu: &Gpu, scene: &Scene, layout: &Layout, mass: &Mass, tables: &[u8; 32]) -> Key {

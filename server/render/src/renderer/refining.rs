@@ -257,7 +257,8 @@ impl Renderer {
 }
 
 /// Relative error of a film from the expected squared errors and the squares of its tiles: one standard
-/// error above the estimate, for that of few tiles is rough.
+/// error above the estimate, for that of few tiles is rough; and no less than that, for estimates below zero
+/// mean that noise hides it.
 fn expected_error(bytes: &[u8]) -> f64 {
     let tiles: Vec<[f32; 2]> = bytemuck::pod_collect_to_vec(bytes);
     let total = |which: usize| tiles.iter().map(|tile| f64::from(tile[which])).sum::<f64>();
@@ -265,7 +266,7 @@ fn expected_error(bytes: &[u8]) -> f64 {
     let count = tiles.len() as f64;
     let apart = |tile: &[f32; 2]| (f64::from(tile[0]) - squared_error / count).powi(2);
     let scatter = (tiles.iter().map(apart).sum::<f64>() * count / (count - 1.0).max(1.0)).sqrt();
-    let at_most = (squared_error + scatter).max(0.0);
+    let at_most = squared_error.max(0.0) + scatter;
     if squared_value > 0.0 { (at_most / squared_value).sqrt() } else { 0.0 }
 }
 
@@ -281,5 +282,20 @@ impl Drawn {
         for (name, count) in followed.counters {
             *self.counters.entry(name).or_default() += count;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_below_the_noise_of_their_estimate_are_not_known() {
+        let told = |tiles: &[[f32; 2]]| expected_error(bytemuck::cast_slice(tiles));
+        assert!((told(&[[0.01, 1.0]; 4]) - 0.1).abs() < 1e-6);
+        // Noise that is more than the paths' spread says, and less: the mean is below zero.
+        let noisy = told(&[[0.01, 1.0], [-0.03, 1.0], [0.02, 1.0], [-0.04, 1.0]]);
+        assert!(noisy > 0.1, "{noisy}");
+        assert_eq!(told(&[[0.0; 2]; 3]), 0.0);
     }
 }

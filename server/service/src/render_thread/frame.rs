@@ -21,8 +21,8 @@ const OF_ALL: [[&str; 2]; 3] = [
 ];
 
 /// Counters that tell how much there is, not how much was done: the newest slice knows.
-const AMOUNTS: [&str; 4] =
-    ["records", "transfer_rows", "transfer_peak_bytes", "transfer_compression_error_ppm"];
+const AMOUNTS: [&str; 5] =
+    ["records", "transfer_rows", "transfer_made", "transfer_peak_bytes", "transfer_compression_error_ppm"];
 
 /// A picture under way.
 pub(super) struct Drawing {
