@@ -118,14 +118,29 @@ const PHOTON_MAP: Entry = Entry {
             true,
         ),
         photons(
+            "16 k photons, 16 texels, gathered on rays",
+            r#"{"illumination": {"photons": 16384, "photon_events": 24, "photon_grid": 16, "gather": "ray"}}"#,
+            true,
+        ),
+        photons(
             "65 k photons, 24 texels",
             r#"{"illumination": {"photons": 65536, "photon_grid": 24}}"#,
+            false,
+        ),
+        photons(
+            "65 k photons, 24 texels, gathered on rays",
+            r#"{"illumination": {"photons": 65536, "photon_grid": 24, "gather": "ray"}}"#,
             false,
         ),
         photons(
             "262 k photons, 32 texels",
             r#"{"illumination": {"photons": 262144, "photon_events": 24, "photon_grid": 32}}"#,
             true,
+        ),
+        photons(
+            "262 k photons, 32 texels, gathered on rays",
+            r#"{"illumination": {"photons": 262144, "photon_events": 24, "photon_grid": 32, "gather": "ray"}}"#,
+            false,
         ),
         photons(
             "1 M photons of 16 events, 48 texels",

@@ -19,6 +19,8 @@ const PLACES: u32 = 3;
 const TENT: [f32; 5] = [1.0 / 3.0, 2.0 / 3.0, 1.0, 2.0 / 3.0, 1.0 / 3.0];
 /// Interactions in a row of their texture, two texels each.
 const ROW: usize = 4096;
+/// Interactions that are sorted, at most: memory of the host, 72 bytes each, and as much as a texture holds.
+const MOST_INTERACTIONS: usize = 1 << 25;
 /// Cells that interactions are sorted by: where there are more places, a cell is of several along each axis.
 const MOST_CELLS: u64 = 16 << 20;
 
@@ -52,12 +54,6 @@ impl Gather {
         let grid = Grid::of(&field.light, scene);
         let sorted = grid.sort(inputs, lights)?;
         let rows = sorted.interactions.len().div_ceil(ROW).max(1);
-        if rows as u64 > u64::from(gpu.max_texture_edge_2d()) {
-            return Err(RenderError::TooLarge {
-                what: format!("{} interactions of photons, gathered on rays", sorted.interactions.len()),
-                limit: format!("{} of them", u64::from(gpu.max_texture_edge_2d()) * ROW as u64),
-            });
-        }
         let mut interactions = sorted.interactions;
         interactions.resize(rows * ROW, Interaction::default());
         let size = wgpu::Extent3d { width: 2 * ROW as u32, height: rows as u32, depth_or_array_layers: 1 };
@@ -185,11 +181,17 @@ impl Grid {
         lights: &BTreeMap<String, LightPhotons>,
     ) -> Result<Sorted, RenderError> {
         let [width, height, depth] = self.cells.map(|n| n as usize);
+        let most = MOST_INTERACTIONS.min(inputs.gpu.max_texture_edge_2d() as usize * ROW);
         let mut found: Vec<(u32, Interaction)> = Vec::new();
+        let mut count = 0;
         // Behind each cell how many are in it.
         let mut starts = vec![0_u32; (width + 1) * height * depth];
         for (slot, photons) in lights.values().enumerate() {
             photons.each_interaction(inputs.gpu, inputs.photon_pipelines, |mut interaction| {
+                count += 1;
+                if count > most {
+                    return;
+                }
                 let place =
                     [0, 1, 2].map(|k| f32::from_bits(interaction[k]) * self.scale[k] + self.offset[k]);
                 let cell = [0, 1, 2].map(|k| {
@@ -202,6 +204,12 @@ impl Grid {
                 interaction[7] |= (slot as u32) << 16;
                 found.push((index as u32, interaction));
             })?;
+        }
+        if count > most {
+            return Err(RenderError::TooLarge {
+                what: format!("{count} interactions of photons, gathered on rays"),
+                limit: format!("{most} of them; fewer photons or events have fewer"),
+            });
         }
         let mut sum = 0;
         for start in &mut starts {
