@@ -334,8 +334,8 @@ fn every_remedy_is_needed() {
         assert!(source.contains(original), "{what}: the shader has not `{original}`");
         // What `before_it` is set to when an interaction is stored is what was relied on before it was looked at.
         let mutant = source.replacen(original, broken, 1).replacen(
-            "if is_asked {",
-            "if is_asked { before_it = vec4u(bins_met, blocks);",
+            "if seen.is_settled {",
+            "if seen.goes_on && !is_looked_at { before_it = vec4u(bins_met, blocks); } if seen.is_settled {",
             usize::from(broken.contains("before_it")),
         ) + "\nvar<private> before_it: vec4u;\n";
         let (trace, take_up) = match in_trace {
