@@ -1,10 +1,11 @@
 //! Suite `edits`: what of a photon map an edit makes stale, and what following only that saves: the
 //! experiments of *Historygrams* (table 1) on stand-ins from formulas. What keeping histories costs, and from
 //! which share of stale photons on a map is sooner made anew: [`costs`]. Edits of baked light:
-//! [`bakes`].
+//! [`bakes`]. Into how many segments view rays are best cut: [`segments`].
 
 mod bakes;
 mod costs;
+mod segments;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -186,7 +187,10 @@ pub fn run(quick: bool, out: &Path) -> anyhow::Result<()> {
         "speed_up",
         "same_picture",
     ]);
-    std::fs::write(out.join("edits.md"), [of_table, masks, beginning_again, of_bakes].join("\n"))?;
+    let (of_segments, wrong_segments) = segments::of_segments(&mut canvas, &size, out)?;
+    wrong.extend(wrong_segments);
+    let tables = [of_table, masks, beginning_again, of_bakes, of_segments];
+    std::fs::write(out.join("edits.md"), tables.join("\n"))?;
     if wrong.is_empty() {
         return Ok(());
     }
@@ -335,12 +339,22 @@ pub(super) fn finish(
     snapshot: &Arc<Snapshot>,
 ) -> anyhow::Result<(Drawn, f64)> {
     let target = Target { width: 2, height: 2, samples_per_pixel: 1 };
+    timed(canvas, view, snapshot, target, "illuminate")
+}
+
+/// Draws a picture, and says how many milliseconds it took, or on a GPU one of its stages.
+fn timed(
+    canvas: &mut Canvas,
+    view: &mut View,
+    snapshot: &Arc<Snapshot>,
+    target: Target,
+    stage: &str,
+) -> anyhow::Result<(Drawn, f64)> {
     let cpu = canvas.device().software.then(cpu_millis).flatten();
     let drawn = canvas.renderer().draw(view, &DrawRequest { snapshot, target, budget: None })?;
-    let illuminate = drawn.stages.iter().find(|time| time.stage == "illuminate");
     let millis = match (cpu, cpu_millis()) {
         (Some(before), Some(after)) => after - before,
-        _ => illuminate.map_or(0.0, |time| time.millis),
+        _ => drawn.stages.iter().find(|time| time.stage == stage).map_or(0.0, |time| time.millis),
     };
     // The least that is told, where nothing ran.
     Ok((drawn, millis.max(1e-3)))
