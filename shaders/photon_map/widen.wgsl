@@ -80,7 +80,7 @@ fn light_of(texel: vec3i) -> f32 {
 
 fn likeness(a: vec2f, b: vec2f) -> f32 {
     let low = min(a, b) / max(max(a, b), vec2f(1e-30));
-    let counts = max(a.x / max(a.y, 1e-30), b.x / max(b.y, 1e-30));
+    let counts = min(a.x / max(a.y, 1e-30), b.x / max(b.y, 1e-30));
     return pow(clamp(low.x * low.y, LEAST_LIKENESS, 1.0), clamp(STEEPNESS * (1.0 - counts - HIDDEN), 0.0, LIKENESS));
 }
 
