@@ -9,27 +9,17 @@
 // Of each texel and coefficient: lights so far.
 @group(0) @binding(9) var<storage, read_write> totals: array<vec4f>;
 @group(0) @binding(5) var light_field: texture_storage_3d<rgba16float, write>;
+// Of each texel, for widen.wgsl: variance of the first coefficient, mean of its three channels, as so many
+// photons have; and the extinction around it, whether it is seen or not.
+@group(0) @binding(10) var<storage, read_write> doubt: array<vec2f>;
 
 override BANDS: u32 = 1u;
 const UNIT = 262144.0;
+// A photon's share of a texel, squared, over the share: on average over places.
+const SHARE_OF_SHARE = 0.296;
+const Y_00 = 0.2820948;
 // Largest number of the texture.
 const LARGEST = 65504.0;
-
-struct Fill {
-    // Texels of the field.
-    dims: vec3u,
-    // 1: all bricks; else those that were touched.
-    everything: u32,
-    // Flux of a photon over the field's scale.
-    flux: vec3f,
-    // 1: of the first light; 2: of the last one.
-    turn: u32,
-    // Brings the extinction around texels to about 1 at most.
-    weight_of_mass: f32,
-    pad0: u32,
-    pad1: u32,
-    pad2: u32,
-}
 
 @compute @workgroup_size(4, 4, 4)
 fn fill_field(@builtin(global_invocation_id) texel: vec3u, @builtin(workgroup_id) brick: vec3u) {
@@ -39,13 +29,21 @@ fn fill_field(@builtin(global_invocation_id) texel: vec3u, @builtin(workgroup_id
     let index = (texel.z * fill.dims.y + texel.y) * fill.dims.x + texel.x;
     var mass = 0.0;
     let is_last = (fill.turn & 2u) != 0u;
-    if is_last { mass = mass_around(texel); }
+    if is_last {
+        mass = mass_around(texel, 0u);
+        doubt[index].y = mass_around(texel, 8u) * fill.weight_of_mass;
+    }
     let coefficients = BANDS * BANDS;
     for (var k = 0u; k < coefficients; k++) {
         let at = index * coefficients + k;
         let first = 6u * at;
         let sum = vec3f(number(first), number(first + 2u), number(first + 4u)) / UNIT;
         var total = fill.flux * sum;
+        if k == 0u {
+            let of_one = fill.weight_of_mass * fill.weight_of_mass * SHARE_OF_SHARE * Y_00 * mean_of(fill.flux);
+            let of_light = of_one * mean_of(total);
+            doubt[index].x = of_light + select(doubt[index].x, 0.0, (fill.turn & 1u) != 0u);
+        }
         if (fill.turn & 1u) == 0u { total += totals[at].xyz; }
         totals[at] = vec4f(total, 0.0);
         if is_last {
@@ -64,12 +62,12 @@ fn number(first: u32) -> f32 {
 
 // What the cells around a texel have for it. At the border both corners of a cell may be the same
 // texel.
-fn mass_around(texel: vec3u) -> f32 {
+fn mass_around(texel: vec3u, which: u32) -> f32 {
     var sum = 0.0;
     let across = fill.dims + 1u;
     for (var i = 0u; i < 8u; i++) {
         let cell = texel + vec3u(i & 1u, (i >> 1u) & 1u, i >> 2u);
-        let first = 8u * ((cell.z * across.y + cell.y) * across.x + cell.x);
+        let first = which + 16u * ((cell.z * across.y + cell.y) * across.x + cell.x);
         for (var corner = 0u; corner < 8u; corner++) {
             let upper = vec3u(corner & 1u, (corner >> 1u) & 1u, corner >> 2u);
             let held = clamp(vec3i(cell) - 1 + vec3i(upper), vec3i(0), vec3i(fill.dims) - 1);

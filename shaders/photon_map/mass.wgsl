@@ -2,9 +2,10 @@
 // with. Between eight texel centres extinction is added up with their trilinear weights, which are the
 // shares of `deposit`: the quotient of the two is fluence, wherever matter begins and ends.
 
-// Cells between texel centres, one more than texels along each axis: of each eight sums, as their bits, and,
-// if it is `FACED`, for each the mean direction that it is seen from, in 127ths of 1 (x, y, z). Behind them, if
-// they are `PLACES_KEPT`, what counts of the extinction at each place of the lattice.
+// Cells between texel centres, one more than texels along each axis: of each eight sums of what counts, as their
+// bits, and for each of them the sum of all extinction, or, if it is `FACED`, the mean direction that it is seen
+// from, in 127ths of 1 (x, y, z). Behind them, if they are `PLACES_KEPT`, what counts of the extinction at each
+// place of the lattice.
 @group(0) @binding(14) var<storage, read_write> moments: array<u32>;
 // Blocks of 2^3 cells to be added up.
 @group(0) @binding(15) var<storage, read> blocks: array<u32>;
@@ -77,7 +78,7 @@ fn add_up_mass(
             let place = PLACES * first_cell + vec3u(i % INNER, i / INNER % INNER, i / (INNER * INNER));
             if which < mass.count && all(place < lattice) {
                 let index = (place.z * lattice.y + place.y) * lattice.x + place.x;
-                moments[8u * cells.x * cells.y * cells.z + index] = bitcast<u32>(counted[i].w);
+                moments[16u * cells.x * cells.y * cells.z + index] = bitcast<u32>(counted[i].w);
             }
         }
     }
@@ -85,20 +86,23 @@ fn add_up_mass(
     let cell_in_block = vec3u(lane >> 3u & 1u, lane >> 4u & 1u, lane >> 5u);
     let upper = vec3u(lane & 1u, lane >> 1u & 1u, lane >> 2u & 1u);
     var sum = vec4f(0.0);
+    var all_of_it = 0.0;
     for (var i = 0u; i < PLACES * PLACES * PLACES; i++) {
         let place = vec3u(i % PLACES, i / PLACES % PLACES, i / (PLACES * PLACES));
         let part = (vec3f(place) + 0.5) / f32(PLACES);
         let near = select(1.0 - part, part, upper == vec3u(1u));
         let at = PLACES * cell_in_block + place;
         sum += counted[(at.z * INNER + at.y) * INNER + at.x] * (near.x * near.y * near.z);
+        all_of_it += abs(extinction[index_of(at + REACH)]) * (near.x * near.y * near.z);
     }
     let cell = first_cell + cell_in_block;
     if which < mass.count && all(cell <= mass.dims) {
         let index = (cell.z * (mass.dims.y + 1u) + cell.y) * (mass.dims.x + 1u) + cell.x;
         let seen_from = sum.xyz / max(sum.w, 1e-30);
-        let first = select(8u, 16u, FACED) * index;
-        moments[first + (lane & 7u)] = bitcast<u32>(sum.w * (step.x * step.y * step.z));
-        if FACED { moments[first + 8u + (lane & 7u)] = pack4x8snorm(vec4f(seen_from, 0.0)); }
+        let first = 16u * index + (lane & 7u);
+        let volume = step.x * step.y * step.z;
+        moments[first] = bitcast<u32>(sum.w * volume);
+        moments[first + 8u] = select(bitcast<u32>(all_of_it * volume), pack4x8snorm(vec4f(seen_from, 0.0)), FACED);
     }
 }
 

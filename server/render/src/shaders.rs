@@ -226,7 +226,11 @@ pub const ADD_GATHERED: &str = parts!(
 );
 
 /// `fill_field`.
-pub const FILL_FIELD: &str = parts!("shared/whole_number.wgsl", "photon_map/fill.wgsl");
+pub const FILL_FIELD: &str =
+    parts!("shared/whole_number.wgsl", "photon_map/texels.wgsl", "photon_map/fill.wgsl");
+
+/// `widen_field`.
+pub const WIDEN_FIELD: &str = parts!("photon_map/texels.wgsl", "photon_map/widen.wgsl");
 
 /// `march_transfer` of method `precomputed_transfer`.
 pub const MARCH_TRANSFER: &str = parts!(
@@ -410,6 +414,7 @@ pub const ALL: &[(&str, &str)] = &[
     ("gather_photons", GATHER_PHOTONS),
     ("add_gathered", ADD_GATHERED),
     ("fill_field", FILL_FIELD),
+    ("widen_field", WIDEN_FIELD),
     ("march_transfer", MARCH_TRANSFER),
     ("spread_beams", SPREAD_BEAMS),
     ("enter_photons", ENTER_PHOTONS),

@@ -254,7 +254,7 @@ pub struct Gather {
     pub first: u32,
 }
 
-/// `Fill` of shaders/photon_map/fill.wgsl.
+/// `Fill` of shaders/photon_map/texels.wgsl.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
 #[allow(missing_docs)]

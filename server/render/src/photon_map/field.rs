@@ -10,7 +10,7 @@ use super::pipelines::MassKept;
 use crate::error::RenderError;
 use crate::gpu::{Gpu, buffer_entry, texture_entry};
 use crate::illumination::Inputs;
-use crate::light_field::LightField;
+use crate::light_field::{self, LightField};
 use crate::uniforms::{self, Fill, Mass};
 
 /// Edge of a brick, texels.
@@ -28,8 +28,10 @@ const MOST_DEPTH: f64 = 2.0;
 const REACH_TEXELS: f64 = 1.5;
 /// Cells along an axis of what a workgroup of that shader adds up.
 const BLOCK_EDGE: u32 = 2;
-/// Eight sums of extinction a cell, f32.
-const MOMENT_BYTES: u64 = 32;
+/// Eight sums of what counts of the extinction a cell, and eight of all of it, f32.
+const MOMENT_BYTES: u64 = 64;
+/// Two f32 a texel.
+const DOUBT_BYTES: u64 = 8;
 /// Places of the lattice in a cell between texel centres.
 const PLACES_OF_CELL: u64 = 27;
 /// Most workgroups along an axis of a dispatch.
@@ -68,6 +70,11 @@ pub(super) struct FieldOfPhotons {
     /// Whether behind the moments what counts of the extinction is kept place by place.
     keeps_places: bool,
     totals: wgpu::Buffer,
+    /// What photons brought, before the kernel is widened.
+    found: wgpu::Texture,
+    found_view: wgpu::TextureView,
+    /// How sure of it texels are: variance, and extinction around them.
+    doubt: wgpu::Buffer,
     /// Of the last call of [`Self::fill`].
     weight_of_mass_filled: f32,
     fill_uniform: wgpu::Buffer,
@@ -95,7 +102,11 @@ impl FieldOfPhotons {
             });
         }
         let bricks: u64 = dims.iter().map(|&n| u64::from(n.div_ceil(BRICK_EDGE))).product();
+        let found = light_field::texture(gpu, light.texture.size())?;
         Ok(Self {
+            found_view: found.create_view(&wgpu::TextureViewDescriptor::default()),
+            found,
+            doubt: gpu.buffer("doubt of texels", DOUBT_BYTES * texels, storage)?,
             light,
             touched: gpu.buffer("touched bricks", 4 * bricks, storage)?,
             moments: gpu.buffer("extinction around texels", MOMENT_BYTES * cells, storage)?,
@@ -127,7 +138,8 @@ impl FieldOfPhotons {
     }
 
     pub fn bytes(&self) -> u64 {
-        self.light.bytes() + self.touched.size() + self.moments.size() + self.totals.size()
+        let buffers = [&self.touched, &self.moments, &self.totals, &self.doubt];
+        2 * self.light.bytes() + buffers.iter().map(|buffer| buffer.size()).sum::<u64>()
     }
 
     /// Cells between texel centres.
@@ -334,13 +346,43 @@ impl FieldOfPhotons {
                     buffer_entry(1, &photons.sums),
                     buffer_entry(2, &self.moments),
                     buffer_entry(3, &self.touched),
-                    texture_entry(5, &self.light.view),
+                    texture_entry(5, &self.found_view),
                     buffer_entry(9, &self.totals),
+                    buffer_entry(10, &self.doubt),
                 ],
             });
             gpu.dispatch_3d(&pipeline, &bind_group, groups);
         }
         gpu.queue.write_buffer(&self.touched, 0, bytemuck::cast_slice(&vec![0_u32; touched.len()]));
+        match inputs.photon_pipelines.trial().widens {
+            true => self.widen(inputs),
+            false => self.take(gpu),
+        }
         gpu.wait()
+    }
+
+    /// Widens the kernel where photons are few.
+    fn widen(&self, inputs: &Inputs<'_>) {
+        let (gpu, pipelines) = (inputs.gpu, inputs.photon_pipelines);
+        let bind_group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("widen_field"),
+            layout: pipelines.widen_layout(),
+            entries: &[
+                buffer_entry(0, &self.fill_uniform),
+                texture_entry(1, &self.found_view),
+                texture_entry(5, &self.light.view),
+                buffer_entry(10, &self.doubt),
+            ],
+        });
+        let groups = self.light.dims.map(|n| n.div_ceil(BRICK_EDGE));
+        gpu.dispatch_3d(&pipelines.widen(self.light.bands), &bind_group, groups);
+    }
+
+    /// Takes what was found as it is.
+    fn take(&self, gpu: &Gpu) {
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let (from, to) = (self.found.as_image_copy(), self.light.texture.as_image_copy());
+        encoder.copy_texture_to_texture(from, to, self.found.size());
+        gpu.queue.submit([encoder.finish()]);
     }
 }

@@ -16,7 +16,11 @@ fn by(gather: &str) -> Value {
 }
 
 /// The picture, and what drawing it took.
-fn picture(renderer: &mut Renderer, volume: &Arc<PreparedVolume>, patches: &[Value]) -> (Vec<f32>, Drawn) {
+pub(super) fn picture(
+    renderer: &mut Renderer,
+    volume: &Arc<PreparedVolume>,
+    patches: &[Value],
+) -> (Vec<f32>, Drawn) {
     let snapshot = snapshot(volume, patches, 1);
     let mut view = View::new();
     let target = Target { samples_per_pixel: snapshot.scene.samples_at_rest(), ..TARGET };
@@ -26,7 +30,7 @@ fn picture(renderer: &mut Renderer, volume: &Arc<PreparedVolume>, patches: &[Val
 }
 
 /// Relative L2 error.
-fn off(found: &[f32], expected: impl Fn(usize) -> f64) -> f64 {
+pub(super) fn off(found: &[f32], expected: impl Fn(usize) -> f64) -> f64 {
     let (mut squared_error, mut squared) = (0.0, 0.0);
     for (i, &value) in found.iter().enumerate() {
         squared_error += (f64::from(value) - expected(i)).powi(2);

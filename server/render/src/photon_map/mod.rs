@@ -15,6 +15,9 @@ pub(crate) mod stale;
 #[cfg(test)]
 #[allow(clippy::unwrap_used, clippy::expect_used)]
 mod tests;
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod widen_tests;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

@@ -51,11 +51,13 @@ pub struct PhotonTrial {
     pub masks: bool,
     /// Of a light's photons the share, 0 to 1, above which it begins again; 1: it never does.
     pub begin_again_share: f64,
+    /// Whether the kernel is widened where photons are few.
+    pub widens: bool,
 }
 
 impl Default for PhotonTrial {
     fn default() -> Self {
-        Self { masks: true, begin_again_share: BEGIN_AGAIN_SHARE }
+        Self { masks: true, begin_again_share: BEGIN_AGAIN_SHARE, widens: true }
     }
 }
 
@@ -76,12 +78,14 @@ pub struct PhotonPipelines {
     take_up: Module,
     mass: Module,
     fill: Module,
+    widen: Module,
     pack: Module,
     trial: Mutex<PhotonTrial>,
     traces: Variants<(PhotonVariant, bool)>,
     takes_up: Variants<bool>,
     masses: Variants<(bool, MassKept)>,
     fills: Variants<u32>,
+    widens: Variants<u32>,
     packs: Variants<()>,
     /// Reads nothing, but the modules declare it.
     pub sampler: wgpu::Sampler,
@@ -191,19 +195,22 @@ impl PhotonPipelines {
         take_up.extend([6, 10, 14, 15, 16, 17].map(Write));
         let mut mass = vec![Uniform(13), Write(14), Read(15)];
         mass.extend([Uniform(0), Table(1), Table(2), Volume(7), Sampler(8), Cells(9)]);
-        let fill = [Uniform(0), Read(1), Read(2), Read(3), Field(5), Write(9)];
+        let fill = [Uniform(0), Read(1), Read(2), Read(3), Field(5), Write(9), Write(10)];
+        let widen = [Uniform(0), Volume(1), Field(5), Read(10)];
         let pack = [Uniform(13), Write(14), Write(15), Write(16), Write(17), Write(18), Write(19)];
         Self {
             trace: Module::new(&gpu, "trace_photons", trace_source, &trace),
             take_up: Module::new(&gpu, "take_up", take_up_source, &take_up),
             mass: Module::new(&gpu, "add_up_mass", shaders::ADD_UP_MASS.into(), &mass),
             fill: Module::new(&gpu, "fill_field", shaders::FILL_FIELD.into(), &fill),
+            widen: Module::new(&gpu, "widen_field", shaders::WIDEN_FIELD.into(), &widen),
             pack: Module::new(&gpu, "pack_interactions", shaders::PACK_INTERACTIONS.into(), &pack),
             trial: Mutex::default(),
             traces: Variants::default(),
             takes_up: Variants::default(),
             masses: Variants::default(),
             fills: Variants::default(),
+            widens: Variants::default(),
             packs: Variants::default(),
             sampler: gpu.device.create_sampler(&wgpu::SamplerDescriptor::default()),
             gpu,
@@ -268,6 +275,15 @@ impl PhotonPipelines {
 
     pub fn mass_layout(&self) -> &wgpu::BindGroupLayout {
         &self.mass.bind_group_layout
+    }
+
+    /// `widen_field`.
+    pub fn widen(&self, bands: u32) -> wgpu::ComputePipeline {
+        self.widens.get(bands, || self.widen.compile(&self.gpu, &[("BANDS", f64::from(bands))]))
+    }
+
+    pub fn widen_layout(&self) -> &wgpu::BindGroupLayout {
+        &self.widen.bind_group_layout
     }
 
     pub fn fill_layout(&self) -> &wgpu::BindGroupLayout {
