@@ -1,6 +1,6 @@
 /** The illumination methods by what they give. */
 
-import type { Light, Method, SceneFile } from "../generated/proto";
+import type { Light, Material, Method, SceneFile } from "../generated/proto";
 
 export interface MethodChoice {
   method: Method;
@@ -62,9 +62,18 @@ export const OF_DISTANT_LIGHT: Method = "precomputed_transfer";
 /** Whether a light shines from infinity. */
 export const isDistant = ({ type }: Light): boolean => type === "directional" || type === "environment";
 
+/** Mean cosine from which on six bands hold less than half of a phase function's peak. */
+const NARROW = 0.85;
+
 /** What of the scene its method does not show; null if nothing is left out. */
-export function shortcoming({ illumination, lights }: Pick<SceneFile, "illumination" | "lights">): string | null {
+export function shortcoming({ illumination, lights, materials, transfer_function }: Pick<SceneFile, "illumination" | "lights" | "materials" | "transfer_function">): string | null {
   if (illumination.method === OF_DISTANT_LIGHT && !lights.some((light) => light.enabled && isDistant(light))) return "No distant light is on: add a directional one or an environment.";
+  if (illumination.method === "photon_map" && illumination.gather === "field") {
+    const scattersNarrowly = ({ phase }: Material) => (phase.type === "henyey_greenstein" && Math.abs(phase.g) >= NARROW) || (phase.type === "schlick" && Math.abs(phase.k) >= NARROW);
+    const used = new Set(transfer_function.points.map(({ material }) => material));
+    const narrow = Object.entries(materials).find(([name, material]) => used.has(name) && scattersNarrowly(material));
+    if (narrow) return `Material ${narrow[0]} scatters more narrowly than the light field can tell: gather from photons (Quality).`;
+  }
   const extended = lights.some((light) => light.enabled && ["rectangle", "disk", "sphere"].includes(light.type));
   return illumination.method === "image_based" && extended ? "Image-based lighting takes area lights from their centre: their shadows are sharp." : null;
 }

@@ -13,7 +13,7 @@ test("the rest of the light takes as long as what came did", () => {
   meter.shown(light(0.5), 1000);
   expect(meter.read()).toBeCloseTo(1250);
   meter.shown(light(0.5), 2000);
-  expect(meter.read(), "it slows down").toBeCloseTo(2500);
+  expect(meter.read(), "it slows down").toBeCloseTo(3750);
 });
 
 test("other light begins anew, and light that is there takes no time", () => {
@@ -40,4 +40,13 @@ test("what is long past says nothing of the pace", () => {
   expect(meter.read()).toBeNull();
   meter.shown(light(0.4), 24_000);
   expect(meter.read()).toBeCloseTo(12_000);
+});
+
+test("what was there at once is no pace", () => {
+  const meter = new LightMeter();
+  meter.shown(light(0), 0);
+  meter.shown(light(0.6), 300);
+  meter.shown(light(0.61), 800);
+  meter.shown(light(0.62), 1300);
+  expect(meter.read()).toBeCloseTo(19_000);
 });

@@ -94,14 +94,23 @@ describe("the statistics", () => {
 describe("a method", () => {
   const lamp: Light = { type: "point", enabled: true, position: [0, 0, 0], intensity: [1, 1, 1] };
   const sky: Light = { type: "environment", enabled: true, radiance: [1, 1, 1] };
+  const smoke = { materials: {}, transfer_function: { points: [] } };
+
+  it("says that narrow peaks ask for the photons themselves", () => {
+    const matter = (g: number) => ({ lights: [lamp], materials: { fog: { phase: { type: "henyey_greenstein" as const, g }, surface: 0 } }, transfer_function: { points: [{ s: 0, albedo: [1, 1, 1] as [number, number, number], emission: [0, 0, 0] as [number, number, number], material: "fog" }] } });
+    expect(shortcoming({ illumination: illumination("photon_map"), ...matter(0.9) })).toContain("fog");
+    expect(shortcoming({ illumination: illumination("photon_map"), ...matter(0.8) })).toBeNull();
+    expect(shortcoming({ illumination: { ...illumination("photon_map"), gather: "ray" }, ...matter(0.9) })).toBeNull();
+    expect(shortcoming({ illumination: illumination("photon_map"), ...matter(0.9), transfer_function: { points: [] } })).toBeNull();
+  });
 
   it("says what it makes of lights with an extent", () => {
     const disk: Light = { type: "disk", enabled: true, center: [0, 1, 0], normal: [0, -1, 0], radius: 0.2, radiance: [1, 1, 1] };
-    expect(shortcoming({ illumination: illumination("image_based"), lights: [disk, sky] })).toContain("sharp");
-    expect(shortcoming({ illumination: illumination("image_based"), lights: [{ ...disk, enabled: false }, lamp, sky] })).toBeNull();
-    expect(shortcoming({ illumination: illumination("photon_map"), lights: [disk] })).toBeNull();
-    expect(shortcoming({ illumination: illumination("precomputed_transfer"), lights: [{ ...lamp, enabled: false }, sky] })).toBeNull();
-    expect(shortcoming({ illumination: illumination("precomputed_transfer"), lights: [{ ...sky, enabled: false }] })).toContain("No distant light");
+    expect(shortcoming({ ...smoke, illumination: illumination("image_based"), lights: [disk, sky] })).toContain("sharp");
+    expect(shortcoming({ ...smoke, illumination: illumination("image_based"), lights: [{ ...disk, enabled: false }, lamp, sky] })).toBeNull();
+    expect(shortcoming({ ...smoke, illumination: illumination("photon_map"), lights: [disk] })).toBeNull();
+    expect(shortcoming({ ...smoke, illumination: illumination("precomputed_transfer"), lights: [{ ...lamp, enabled: false }, sky] })).toBeNull();
+    expect(shortcoming({ ...smoke, illumination: illumination("precomputed_transfer"), lights: [{ ...sky, enabled: false }] })).toContain("No distant light");
     expect(withoutEffect("image_based", "clip shadows")).toBeNull();
   });
 

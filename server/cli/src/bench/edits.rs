@@ -1,10 +1,12 @@
 //! Suite `edits`: what of a photon map an edit makes stale, and what following only that saves: the
 //! experiments of *Historygrams* (table 1) on stand-ins from formulas. What keeping histories costs, and from
 //! which share of stale photons on a map is sooner made anew: [`costs`]. Edits of baked light:
-//! [`bakes`]. Into how many segments view rays are best cut: [`segments`].
+//! [`bakes`]. Into how many segments view rays are best cut: [`segments`]. Light in the field against photons
+//! gathered on rays: [`gathers`].
 
 mod bakes;
 mod costs;
+mod gathers;
 mod segments;
 
 use std::collections::BTreeMap;
@@ -41,6 +43,8 @@ const QUICK: Size = Size { voxels: 20, photons: 2048, sweep: &[], grid: 12, runs
 
 /// Pixels along each axis: few, for light is measured.
 const PIXELS: u32 = 24;
+/// Where pictures are measured: pixels along each edge, for each voxel along an edge.
+const PIXELS_A_VOXEL: u32 = 3;
 /// Nodes of direct light along an edge: with as many as usual they would take most of the time.
 const DIRECT_GRID: u32 = 16;
 
@@ -189,7 +193,8 @@ pub fn run(quick: bool, out: &Path) -> anyhow::Result<()> {
     ]);
     let (of_segments, wrong_segments) = segments::of_segments(&mut canvas, &size, out)?;
     wrong.extend(wrong_segments);
-    let tables = [of_table, masks, beginning_again, of_bakes, of_segments];
+    let of_gathers = gathers::of_gathers(&mut canvas, &size, out)?;
+    let tables = [of_table, masks, beginning_again, of_bakes, of_segments, of_gathers];
     std::fs::write(out.join("edits.md"), tables.join("\n"))?;
     if wrong.is_empty() {
         return Ok(());
@@ -339,22 +344,25 @@ pub(super) fn finish(
     snapshot: &Arc<Snapshot>,
 ) -> anyhow::Result<(Drawn, f64)> {
     let target = Target { width: 2, height: 2, samples_per_pixel: 1 };
-    timed(canvas, view, snapshot, target, "illuminate")
+    timed(canvas, view, snapshot, target, &["illuminate"])
 }
 
-/// Draws a picture, and says how many milliseconds it took, or on a GPU one of its stages.
+/// Draws a picture, and says how many milliseconds it took, or on a GPU some of its stages.
 fn timed(
     canvas: &mut Canvas,
     view: &mut View,
     snapshot: &Arc<Snapshot>,
     target: Target,
-    stage: &str,
+    stages: &[&str],
 ) -> anyhow::Result<(Drawn, f64)> {
     let cpu = canvas.device().software.then(cpu_millis).flatten();
     let drawn = canvas.renderer().draw(view, &DrawRequest { snapshot, target, budget: None })?;
     let millis = match (cpu, cpu_millis()) {
         (Some(before), Some(after)) => after - before,
-        _ => drawn.stages.iter().find(|time| time.stage == stage).map_or(0.0, |time| time.millis),
+        _ => {
+            let counted = drawn.stages.iter().filter(|time| stages.contains(&time.stage.as_str()));
+            counted.map(|time| time.millis).sum()
+        }
     };
     // The least that is told, where nothing ran.
     Ok((drawn, millis.max(1e-3)))

@@ -196,12 +196,16 @@ impl ImageBased {
         counters.insert("records".into(), all as u64);
         let clamped = kept.light.as_ref().map_or(0.0, |light| light.arriving.clamped_share);
         counters.insert("record_light_clamped_ppm".into(), (clamped * 1e6).round() as u64);
-        let share = |done: u64, all: u64| if all > 0 { done as f32 / all as f32 } else { 1.0 };
-        let exchanged = kept.exchange.as_ref().map_or(1.0, Exchange::completeness);
-        let completeness = share(done as u64, all as u64).min(share(arrived.done, arrived.all));
+        let share = |done: u64, all: u64| (all > 0).then(|| done as f32 / all as f32);
+        let exchanged = kept.exchange.as_ref().map(Exchange::completeness);
+        let shares = [share(done as u64, all as u64), share(arrived.done, arrived.all), exchanged];
+        // Of each kind of light there is as much as is done of it.
+        let kinds: Vec<f32> = shares.into_iter().flatten().collect();
+        let completeness =
+            if kinds.is_empty() { 1.0 } else { kinds.iter().sum::<f32>() / kinds.len() as f32 };
         Ok(Progress {
-            complete: up_to_date && arrived.done == arrived.all && exchanged == 1.0,
-            completeness: completeness.min(exchanged),
+            complete: up_to_date && arrived.done == arrived.all && exchanged.is_none_or(|done| done == 1.0),
+            completeness,
             changed: changed || arrived.changed,
         })
     }

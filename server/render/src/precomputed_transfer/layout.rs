@@ -103,7 +103,8 @@ impl Share {
                 let time = |of: [u64; 2]| a * of[0] as f64 + b * of[1] as f64;
                 time(done) / time(all)
             }
-            _ => 0.5 * (share(0) + share(1)),
+            // Of one it is not known how long it takes: it may be nearly all.
+            _ => share(0).min(share(1)),
         };
         self.largest = if done == all { 1.0 } else { self.largest.max(share.min(1.0)) };
         self.largest
@@ -121,7 +122,7 @@ mod tests {
         assert_eq!(share.of([0, 0], all), 0.0);
         // A hundred photons in 9 seconds, ten directions in one: 90 and 10 are to be expected.
         share.took(1, Duration::from_secs(9));
-        assert_eq!(share.of([0, 100], all), 0.05);
+        assert_eq!(share.of([0, 100], all), 0.0);
         share.took(0, Duration::from_secs(1));
         assert!((share.of([10, 100], all) - 0.1).abs() < 1e-9);
         share.took(1, Duration::from_secs(900));
@@ -129,8 +130,9 @@ mod tests {
         assert_eq!(share.of(all, all), 1.0);
         // What was done by another process took no time here.
         let mut resumed = Share::default();
-        assert_eq!(resumed.of([100, 500], all), 0.75);
-        // There may be nothing of a kind.
-        assert_eq!(Share::default().of([50, 0], [100, 0]), 0.75);
+        assert_eq!(resumed.of([100, 500], all), 0.5);
+        // There may be nothing of a kind, or little: all of it says nothing of the other.
+        assert_eq!(Share::default().of([50, 0], [100, 0]), 0.5);
+        assert_eq!(Share::default().of([0, 10], [100, 10]), 0.0);
     }
 }

@@ -9,13 +9,11 @@ use serde_json::{Value, json};
 
 use super::super::drawing::Canvas;
 use super::super::report::{Line, Table, columns, line_chart, rounded};
-use super::{EXPERIMENTS, Size, about, scene_of, snapshot, timed};
+use super::{EXPERIMENTS, PIXELS_A_VOXEL, Size, about, scene_of, snapshot, timed};
 
 const SEGMENTS: [u32; 6] = [1, 2, 4, 8, 16, 32];
 const NAMES: [&str; 4] =
     ["sphere recoloured", "vessels recoloured", "small structure removed", "outer skin denser"];
-/// Pixels along each edge, for each voxel along an edge.
-const PIXELS_A_VOXEL: u32 = 3;
 
 /// Edits in `local`, whose rays depend on matter alone: the table as Markdown, and the edits whose picture is not
 /// that from scratch.
@@ -62,7 +60,7 @@ pub fn of_segments(
             for run in 0..=size.runs {
                 let (mut kept, mut whole) = (View::for_edits(), View::new());
                 let mut draw = |view: &mut View, snapshot, best: &mut f64| {
-                    let (drawn, millis) = timed(canvas, view, snapshot, target, "ray_cast")?;
+                    let (drawn, millis) = timed(canvas, view, snapshot, target, &["ray_cast"])?;
                     if run > 0 {
                         *best = best.min(millis);
                     }
@@ -78,7 +76,7 @@ pub fn of_segments(
             }
             let Some((mut kept, drawn, of_whole)) = last else { continue };
             let mut scratch = View::for_edits();
-            timed(canvas, &mut scratch, &after, target, "ray_cast")?;
+            timed(canvas, &mut scratch, &after, target, &["ray_cast"])?;
             let bits = |canvas: &mut Canvas, view: &mut View| {
                 canvas
                     .renderer()

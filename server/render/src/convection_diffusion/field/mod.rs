@@ -135,12 +135,28 @@ pub(crate) struct ConvectionDiffusion {
     unprepared: bool,
     /// Whether the diffused light is not that of the newest sources.
     unsolved: bool,
-    /// Iterations done of a solution under way.
-    iterations: Option<u32>,
+    /// A solution under way.
+    solving: Option<Solving>,
     /// First cell that is not composed of the newest light; the field as a whole is, if there is none.
     uncomposed: Option<u32>,
     /// Whether direct light was composed while diffused light is under way.
     shown_direct: bool,
+}
+
+/// How far a solution has come: norms of the residual over the right-hand side's.
+#[derive(Debug, Clone, Copy)]
+struct Solving {
+    iterations: u32,
+    first: f32,
+    now: f32,
+}
+
+impl Solving {
+    /// Share of the digits that are wanted, 0..1: each iteration wins about as many.
+    fn share(&self, wanted: f32) -> f32 {
+        let share = (self.first / self.now).ln() / (self.first / wanted).ln();
+        if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.0 }
+    }
 }
 
 impl ConvectionDiffusion {
@@ -168,7 +184,7 @@ impl ConvectionDiffusion {
             carrying: None,
             unprepared: true,
             unsolved: true,
-            iterations: None,
+            solving: None,
             uncomposed: Some(0),
             shown_direct: false,
         };
@@ -245,7 +261,7 @@ impl ConvectionDiffusion {
             && self.carrying.is_none()
             && self.slots.iter().all(|slot| slot.stale == Stale::Nothing)
             && !self.unsolved
-            && self.iterations.is_none()
+            && self.solving.is_none()
             && self.uncomposed.is_none()
     }
 
@@ -258,7 +274,12 @@ impl ConvectionDiffusion {
         if self.is_complete() {
             return 1.0;
         }
-        let solved = if self.unsolved || self.iterations.is_some() { 0.0 } else { 1.0 };
+        let wanted = self.snapshot.scene.illumination.max_residual as f32;
+        let solved = match &self.solving {
+            _ if self.unsolved => 0.0,
+            Some(solving) => solving.share(wanted),
+            None => 1.0,
+        };
         0.5 * carried + 0.4 * solved * carried
     }
 
@@ -310,7 +331,7 @@ impl ConvectionDiffusion {
         self.snapshot = new;
         if !self.is_complete() {
             self.uncomposed = Some(0);
-            self.iterations = None;
+            self.solving = None;
             self.unsolved = true;
             self.shown_direct = false;
         }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use proto::scene_file::{Diffusion as Kind, LightTransport};
 use scene::Scene;
 
-use super::{Carrying, ConvectionDiffusion, Slot, Solvers, Stale};
+use super::{Carrying, ConvectionDiffusion, Slot, Solvers, Solving, Stale};
 use crate::convection_diffusion::passes::{Bound, Composed};
 use crate::convection_diffusion::settings::{carried, kind_of, scale_of};
 use crate::convection_diffusion::stale::{Region, first_plane_within};
@@ -46,9 +46,9 @@ impl ConvectionDiffusion {
             }
         } else if self.unsolved {
             self.begin_solving(inputs)?;
-        } else if let Some(iterations) = self.iterations {
+        } else if let Some(solving) = self.solving {
             count("light_iterations", 1);
-            self.iterate(iterations)?;
+            self.iterate(solving)?;
         } else if self.uncomposed.is_some() {
             count("light_cells_composed", self.compose(inputs, changed)?);
         } else {
@@ -175,20 +175,22 @@ impl ConvectionDiffusion {
             norms = source(true)?;
         }
         self.unprepared = false;
-        let done = norms.relative() <= scene.illumination.max_residual as f32;
-        self.iterations = (!done).then_some(0);
+        let first = norms.relative();
+        let done = first <= scene.illumination.max_residual as f32;
+        self.solving = (!done).then_some(Solving { iterations: 0, first, now: first });
         Ok(())
     }
 
-    fn iterate(&mut self, iterations: u32) -> Result<(), RenderError> {
+    fn iterate(&mut self, solving: Solving) -> Result<(), RenderError> {
         let Some(grids) = &self.diffused else {
-            self.iterations = None;
+            self.solving = None;
             return Ok(());
         };
         let norms = self.solvers.diffusion.iterate(grids)?;
         let wanted = self.snapshot.scene.illumination.max_residual as f32;
-        let done = norms.relative() <= wanted || iterations + 1 >= MAX_ITERATIONS;
-        self.iterations = (!done).then_some(iterations + 1);
+        let iterated = Solving { iterations: solving.iterations + 1, now: norms.relative(), ..solving };
+        let done = iterated.now <= wanted || iterated.iterations >= MAX_ITERATIONS;
+        self.solving = (!done).then_some(iterated);
         Ok(())
     }
 
