@@ -61,8 +61,8 @@ fn gather_photons(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation
             let first = textureLoad(interactions, at, 0);
             let second = textureLoad(interactions, at + vec2i(1, 0), 0);
             let way = bitcast<vec3f>(vec3u(first.w, second.xy));
-            let throughput = vec3f(unpack2x16float(second.z), unpack2x16float(second.w).x);
-            let flux = textureLoad(flux_of_lights, vec2u(second.w >> 16u, 0u), 0).xyz;
+            let throughput = unpacked(second.z);
+            let flux = textureLoad(flux_of_lights, vec2u(second.w, 0u), 0).xyz;
             var scattered = (1.0 - part.surface) * phase_function(material, dot(way, w_o)) * part.albedo;
             if SURFACES {
                 if part.surface > 0.0 {

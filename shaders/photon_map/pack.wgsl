@@ -3,11 +3,8 @@
 
 // How many there are; behind that of each photon where its own begin, and how many they are.
 @group(0) @binding(18) var<storage, read_write> runs: array<atomic<u32>>;
-// Two each: place and way, then throughput as half floats, by how far it is seen.
-@group(0) @binding(19) var<storage, read_write> packed: array<vec4u>;
-
-// Largest half float.
-const LARGEST = 65504.0;
+// Two each: place and way, then throughput in a word, by how far it is seen; the last word is the host's.
+@group(0) @binding(19) var<storage, read_write> packed_interactions: array<vec4u>;
 
 @compute @workgroup_size(64)
 fn pack_interactions(@builtin(global_invocation_id) id: vec3u) {
@@ -31,10 +28,8 @@ fn pack_interactions(@builtin(global_invocation_id) id: vec3u) {
             let place = places[base + i].xyz;
             let way = ways[base + i];
             let seen = 0.5 * f32(rest.z) * vec3f(way.w, bitcast<vec2f>(rest.xy));
-            let throughput = min(seen, vec3f(LARGEST));
-            packed[2u * next] = vec4u(bitcast<vec3u>(place), bitcast<u32>(way.x));
-            packed[2u * next + 1u] = vec4u(bitcast<vec2u>(way.yz), pack2x16float(throughput.xy),
-                pack2x16float(vec2f(throughput.z, 0.0)));
+            packed_interactions[2u * next] = vec4u(bitcast<vec3u>(place), bitcast<u32>(way.x));
+            packed_interactions[2u * next + 1u] = vec4u(bitcast<vec2u>(way.yz), packed(seen), 0u);
             next++;
         }
     }

@@ -78,6 +78,7 @@ pub const MARCH_RECORDS: &str = parts!(
     "ray_cast/pieces.wgsl",
     "shared/changes.wgsl",
     "shared/arriving.wgsl",
+    "shared/three_in_a_word.wgsl",
     "image_based/records.wgsl",
     "image_based/march_records.wgsl",
 );
@@ -105,6 +106,7 @@ pub const PROJECT_RECORDS: &str = parts!(
     "shared/phase.wgsl",
     "shared/light.wgsl",
     "shared/sh.wgsl",
+    "shared/three_in_a_word.wgsl",
     "image_based/records.wgsl",
     "image_based/project_records.wgsl",
 );
@@ -128,6 +130,7 @@ pub const RECEIVE_RECORDS: &str = parts!(
     "shared/frame.wgsl",
     "shared/ray.wgsl",
     "shared/sh.wgsl",
+    "shared/three_in_a_word.wgsl",
     "image_based/records.wgsl",
     "image_based/receive_records.wgsl",
 );
@@ -201,6 +204,7 @@ pub const PACK_INTERACTIONS: &str = parts!(
     "shared/scatter.wgsl",
     "shared/tracking.wgsl",
     "photon_map/history.wgsl",
+    "shared/three_in_a_word.wgsl",
     "photon_map/pack.wgsl",
 );
 
@@ -214,6 +218,7 @@ pub const GATHER_PHOTONS: &str = parts!(
     "shared/brdf.wgsl",
     "photon_map/parts.wgsl",
     "photon_map/kernel.wgsl",
+    "shared/three_in_a_word.wgsl",
     "photon_map/gather.wgsl",
 );
 

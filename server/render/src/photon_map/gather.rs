@@ -26,7 +26,7 @@ const MOST_CELLS: u64 = 16 << 20;
 
 /// What rays gather of a photon map that is complete.
 pub(crate) struct Gather {
-    /// Row by row, two texels each: place in the lattice and way; throughput as half floats, and the light.
+    /// Row by row, two texels each: place in the lattice and way; throughput in a word, and the light.
     pub interactions: wgpu::TextureView,
     pub cell_starts: wgpu::TextureView,
     /// Flux of a photon of each light.
@@ -201,7 +201,7 @@ impl Grid {
                 let index = (cell[2] * height + cell[1]) * (width + 1) + cell[0];
                 starts[index + 1] += 1;
                 interaction[..3].copy_from_slice(&place.map(f32::to_bits));
-                interaction[7] |= (slot as u32) << 16;
+                interaction[7] = slot as u32;
                 found.push((index as u32, interaction));
             })?;
         }

@@ -105,7 +105,7 @@ pub(super) enum Left {
     Everything,
 }
 
-/// An interaction as rays gather it: place (world) and way as floats, throughput as half floats.
+/// An interaction as rays gather it: place (world) and way as floats, throughput in a word, and one that is free.
 pub(super) type Interaction = [u32; 8];
 
 /// Photons that are traced together.
