@@ -944,7 +944,7 @@ impl Default for Illumination {
             refine: false,
             photons: 65_536,
             photon_events: 32,
-            photon_grid: 48,
+            photon_grid: 32,
             photon_bands: 0,
             gather: LightGather::default(),
             direct_grid: 64,
