@@ -22,7 +22,7 @@ export function PhotonFields({ illumination }: { illumination: Illumination }) {
       <SliderField label="Events" hint="Interactions after which a photon is followed no further; dense white matter needs many" value={illumination.photon_events} min={1} max={MAX_EVENTS} sliderMax={SLIDER_EVENTS} step={1} testId="photon-events" onChange={(events) => session.edit({ illumination: { photon_events: Math.round(events) } }, "photon-events")} />
       <SliderField label="Light grid" hint="Places along the volume's longest edge at which scattered light is kept: a finer grid needs more photons" value={illumination.photon_grid} min={GRID.from} max={GRID.to} sliderMax={128} step={1} testId="photon-grid" onChange={(texels) => session.edit({ illumination: { photon_grid: Math.round(texels) } }, "photon-grid")} />
       <ShadowGridField illumination={illumination} />
-      <Row label="Gathered from" hint="Where each place of a view ray finds scattered light: in the light field, whose bands blur its direction, or in the photons around it, each by its own direction: exact for forward scattering and gloss; slower, the more photons there are">
+      <Row label="Gather" hint="Where each place of a view ray finds scattered light: in the light field, whose bands blur its direction, or in the photons around it, each by its own direction: exact for forward scattering and gloss; slower, the more photons there are">
         <NativeSelect aria-label="Where view rays find scattered light" value={illumination.gather} data={[...gatherChoices]} data-testid="photon-gather" onChange={(event) => {
           const chosen = gatherChoices.find((choice) => choice.value === event.currentTarget.value);
           if (chosen) session.edit({ illumination: { gather: chosen.value } });

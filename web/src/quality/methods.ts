@@ -72,7 +72,7 @@ export function shortcoming({ illumination, lights, materials, transfer_function
     const scattersNarrowly = ({ phase }: Material) => (phase.type === "henyey_greenstein" && Math.abs(phase.g) >= NARROW) || (phase.type === "schlick" && Math.abs(phase.k) >= NARROW);
     const used = new Set(transfer_function.points.map(({ material }) => material));
     const narrow = Object.entries(materials).find(([name, material]) => used.has(name) && scattersNarrowly(material));
-    if (narrow) return `Material ${narrow[0]} scatters more narrowly than the light field can tell: gather from photons (Quality).`;
+    if (narrow) return `Material ${narrow[0]} scatters more narrowly than the light field can tell: choose Gather: Photons under Quality.`;
   }
   const extended = lights.some((light) => light.enabled && ["rectangle", "disk", "sphere"].includes(light.type));
   return illumination.method === "image_based" && extended ? "Image-based lighting takes area lights from their centre: their shadows are sharp." : null;
