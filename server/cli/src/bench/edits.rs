@@ -43,8 +43,6 @@ const QUICK: Size = Size { voxels: 20, photons: 2048, sweep: &[], grid: 12, runs
 
 /// Pixels along each axis: few, for light is measured.
 const PIXELS: u32 = 24;
-/// Where pictures are measured: pixels along each edge, for each voxel along an edge.
-const PIXELS_A_VOXEL: u32 = 3;
 /// Nodes of direct light along an edge: with as many as usual they would take most of the time.
 const DIRECT_GRID: u32 = 16;
 

@@ -8,7 +8,7 @@ use serde_json::json;
 
 use super::super::drawing::Canvas;
 use super::super::report::{Table, columns, rounded};
-use super::{EXPERIMENTS, PIXELS_A_VOXEL, Size, about, scene_of, snapshot, timed};
+use super::{EXPERIMENTS, Size, about, scene_of, snapshot, timed};
 
 /// Stages that make light and show it.
 const STAGES: [&str; 3] = ["illuminate", "sort_photons", "ray_cast"];
@@ -24,7 +24,8 @@ pub fn of_gathers(canvas: &mut Canvas, size: &Size, out: &Path) -> anyhow::Resul
         "ray_speed_up",
         "photons_gathered",
     ];
-    let edge = PIXELS_A_VOXEL * size.voxels as u32;
+    // A pixel a voxel: gathering on rays is slow.
+    let edge = size.voxels as u32;
     let more = json!({"image": [edge, edge], "photons": size.photons,
         "ray": "photons are followed as usual, and gathered on all view rays", "anew": "an empty view"});
     let mut table = Table {

@@ -9,9 +9,11 @@ use serde_json::{Value, json};
 
 use super::super::drawing::Canvas;
 use super::super::report::{Line, Table, columns, line_chart, rounded};
-use super::{EXPERIMENTS, PIXELS_A_VOXEL, Size, about, scene_of, snapshot, timed};
+use super::{EXPERIMENTS, Size, about, scene_of, snapshot, timed};
 
 const SEGMENTS: [u32; 6] = [1, 2, 4, 8, 16, 32];
+/// Pixels along each edge, for each voxel along an edge.
+const PIXELS_A_VOXEL: u32 = 3;
 const NAMES: [&str; 4] =
     ["sphere recoloured", "vessels recoloured", "small structure removed", "outer skin denser"];
 
